@@ -1,0 +1,1 @@
+"""The algorithm: numpy, torch, pybullet and sqlite3, never ROS."""
