@@ -1,0 +1,157 @@
+"""Policy gradient variation, VARIATION_PG of Alg. 5 (Nilsson & Cully 2021)."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from pga_me_ros.core.errors import NetworkError
+from pga_me_ros.core.policy import MlpShape, Vector
+from pga_me_ros.core.torch_nets import FlatAdam, MlpStack, choose_device, torch_threads
+
+Float32Array = NDArray[np.float32]
+
+
+def pg_variation(
+    parents: Float32Array,
+    critic: Vector,
+    states: Float32Array,
+    learning_rate: float,
+    controller_shape: MlpShape,
+    critic_shape: MlpShape,
+    *,
+    threads: int = 1,
+    workers: int = 1,
+    device: str = "cpu",
+) -> Float32Array:
+    """Return one offspring per parent: n_grad Adam steps up the mean of Q1(s, pi(s)) (Eq. 1).
+
+    On a CPU an offspring depends on nothing but its parent, the critic, its states and `threads`: it is bit for bit the
+    same alone, in any batch, and with any number of workers.
+
+    Args:
+        parents: (n, P) float32 controllers.
+        critic: (P_critic,) float32, Q1; it stays as it is.
+        states: (n_grad, N, obs_dim) float32 batches shared by all offspring, or (n, n_grad, N, obs_dim) with own
+            batches for each (setting pg_batches).
+        learning_rate: Adam's; each offspring starts with fresh moments.
+        controller_shape: Layers of the controllers.
+        critic_shape: Layers of the critic.
+        threads: Threads of each matrix product (setting torch_threads); the last bits depend on it.
+        workers: Offspring computed at a time, each on a thread of its own; a matter of speed alone. Not used on a GPU,
+            which computes all offspring at once.
+        device: 'cpu', 'auto' (a GPU if torch finds one), or another torch device.
+
+    Returns:
+        (n, P) float32.
+
+    Raises:
+        NetworkError: Parents, critic and states do not fit each other or the layers.
+        SettingsError: The device cannot be used here.
+    """
+    problem = _Problem(controller_shape, critic_shape, float(learning_rate), choose_device(device))
+    _check(parents, critic, states, problem)
+    offspring = np.empty_like(parents)
+    if not len(parents):
+        return offspring
+    own = states.ndim == 4
+    # A CPU is fastest with one offspring at a time, whose activations stay in its cache; a GPU with all at once.
+    size = 1 if problem.device.type == "cpu" else len(parents)
+    chunks = [slice(i, i + size) for i in range(0, len(parents), size)]
+
+    def climb_share(share: list[slice]) -> None:
+        with torch.no_grad(), torch_threads(threads):
+            climber = _Climber(problem, critic, size, states.shape[-2])
+            for chunk in share:
+                batches = states[chunk] if own else states[None]
+                offspring[chunk] = climber.climb(parents[chunk], batches)
+
+    if workers == 1 or len(chunks) == 1:
+        climb_share(chunks)
+    else:
+        with ThreadPoolExecutor(workers) as pool:
+            list(pool.map(climb_share, (chunks[i::workers] for i in range(workers))))
+    return offspring
+
+
+@dataclass(frozen=True)
+class _Problem:
+    """What all offspring of a call have in common."""
+
+    controller_shape: MlpShape
+    critic_shape: MlpShape
+    learning_rate: float
+    device: torch.device
+
+
+class _Climber:
+    """E offspring under way, with the memory for it.
+
+    Each chunk of parents is copied to the same place: a matrix product may round otherwise at another alignment, so
+    rows of a larger array would not give the same bits as the same offspring alone.
+    """
+
+    def __init__(self, problem: _Problem, critic: Vector, size: int, rows: int) -> None:
+        controllers, critics = problem.controller_shape, problem.critic_shape
+        self._device = problem.device
+        self._learning_rate = problem.learning_rate
+        self._obs_dim = controllers.sizes[0]
+
+        def zeros(*shape: int) -> Tensor:
+            return torch.zeros(shape, device=problem.device)
+
+        self._controllers = MlpStack(
+            controllers, zeros(size, controllers.parameter_count), rows, tanh=True
+        )
+        # All follow the same critic; repeated so that a batched product takes them side by side.
+        q1 = torch.from_numpy(critic.copy()).to(problem.device).repeat(size, 1)
+        self._critic = MlpStack(critics, q1, rows, tanh=False)
+        self._adam = FlatAdam(self._controllers.parameters)
+        self._critic_input = zeros(size, rows, critics.sizes[0])
+        self._action_gradient = zeros(size, rows, controllers.sizes[-1])
+        self._per_row = torch.full((1, rows, 1), 1.0 / rows, device=problem.device)
+
+    def climb(self, parents: Float32Array, batches: Float32Array) -> Float32Array:
+        """Return (E, P) offspring of (E, P) parents for batches (E or 1, n_grad, N, obs_dim)."""
+        self._controllers.parameters.copy_(torch.from_numpy(parents.copy()))
+        self._adam.reset()
+        for states in torch.from_numpy(batches).to(self._device).unbind(1):
+            self._step(states)
+        return self._controllers.parameters.cpu().numpy()
+
+    def _step(self, states: Tensor) -> None:
+        """Go one step up the gradient of mean Q1(s, pi(s)) for states (E or 1, N, obs_dim)."""
+        self._critic_input[:, :, : self._obs_dim] = states
+        self._critic_input[:, :, self._obs_dim :] = self._controllers.forward(states)
+        self._critic.forward(self._critic_input)
+        self._critic.input_gradient(self._per_row, self._obs_dim, out=self._action_gradient)
+        self._controllers.backward(states, self._action_gradient)
+        self._adam.step(self._controllers.gradient, self._learning_rate, maximize=True)
+
+
+def _check(parents: Float32Array, critic: Vector, states: Float32Array, problem: _Problem) -> None:
+    controllers, critics = problem.controller_shape, problem.critic_shape
+    obs_dim, act_dim = controllers.sizes[0], controllers.sizes[-1]
+    if critics.sizes[0] != obs_dim + act_dim or critics.sizes[-1] != 1:
+        raise NetworkError(
+            f"A critic with layers {list(critics.sizes)} cannot judge controllers with layers "
+            f"{list(controllers.sizes)}: it must take {obs_dim} + {act_dim} numbers and give one."
+        )
+    critics.check(critic)
+    if parents.ndim != 2:
+        raise NetworkError(f"Parents have shape {parents.shape}, expected (n, P).")
+    for parent in parents:
+        controllers.check(parent)
+    shared = states.ndim == 3 or (states.ndim == 4 and len(states) == len(parents))
+    if not shared or states.shape[-1] != obs_dim or states.dtype != np.float32:
+        raise NetworkError(
+            f"State batches are {states.dtype} {states.shape}, expected float32 "
+            f"(n_grad, N, {obs_dim}) or ({len(parents)}, n_grad, N, {obs_dim})."
+        )
+    if 0 in states.shape[-3:-1]:
+        raise NetworkError(f"State batches {states.shape} hold no states; give at least one.")

@@ -1,0 +1,167 @@
+"""The replay buffer B of Alg. 3: a first-in-first-out ring of transitions, one packed row each."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pga_me_ros.core.errors import PgaError, StorageError
+
+Rows = NDArray[np.float32]
+Indices = NDArray[np.int64]
+
+
+class ReplayBuffer:
+    """The newest transitions, oldest first by index.
+
+    A row is [state, action, next state, reward, not_done], so that a training batch is one gather from memory. Memory is
+    reserved at once but taken from the machine only as rows are written.
+
+    Args:
+        capacity: Transitions kept; older ones are overwritten.
+        obs_dim: Numbers per state.
+        act_dim: Numbers per action.
+
+    Raises:
+        PgaError: The machine cannot reserve that much memory.
+    """
+
+    def __init__(self, capacity: int, obs_dim: int, act_dim: int) -> None:
+        """Reserve memory for `capacity` rows."""
+        self.capacity = capacity
+        self.obs_dim = obs_dim
+        self.act_dim = act_dim
+        self.width = 2 * obs_dim + act_dim + 2
+        self.total_added = 0
+        try:
+            self._ring = np.empty((capacity, self.width), np.float32)
+        except MemoryError as error:
+            raise PgaError(
+                f"replay_size={capacity} transitions take {4e-9 * capacity * self.width:.1f} GB, "
+                "more than this machine gives; make replay_size smaller."
+            ) from error
+        self._size = 0
+        self._oldest = 0
+
+    def __len__(self) -> int:
+        """Return the number of transitions held."""
+        return self._size
+
+    def add_episode(
+        self,
+        states: Rows,
+        actions: Rows,
+        rewards: Rows,
+        terminated: bool,
+        max_steps: int | None = None,
+    ) -> None:
+        """Add the T transitions of one episode in their order.
+
+        not_done is 0 in the last row of an episode that ended by a fall before the time limit, and 1 elsewhere: at the
+        time limit the value goes on (as coded by the authors).
+
+        Args:
+            states: (T + 1, obs_dim) float32, the first observation to the last.
+            actions: (T, act_dim) float32.
+            rewards: (T,) float32.
+            terminated: Whether the task ended the episode (a fall), rather than the time limit.
+            max_steps: Time limit in steps; a fall in that very step counts as the limit. None for no limit.
+
+        Raises:
+            PgaError: The arrays do not belong to one episode of this robot.
+        """
+        steps = len(actions)
+        expected = ((steps + 1, self.obs_dim), (steps, self.act_dim), (steps,))
+        got = (np.shape(states), np.shape(actions), np.shape(rewards))
+        if got != expected:
+            raise PgaError(
+                f"Episode arrays (states, actions, rewards) have shapes {got}, expected {expected}; "
+                "an episode of T steps has T + 1 states."
+            )
+        rows = np.empty((steps, self.width), np.float32)
+        n_s, n_a = self.obs_dim, self.act_dim
+        rows[:, :n_s] = states[:-1]
+        rows[:, n_s : n_s + n_a] = actions
+        rows[:, n_s + n_a : -2] = states[1:]
+        rows[:, -2] = rewards
+        rows[:, -1] = 1.0
+        if terminated and steps and (max_steps is None or steps < max_steps):
+            rows[-1, -1] = 0.0
+        self._append(rows)
+        self.total_added += steps
+
+    def _append(self, rows: Rows) -> None:
+        rows = rows[-self.capacity :]
+        start = (self._oldest + self._size) % self.capacity
+        before_wrap = min(len(rows), self.capacity - start)
+        self._ring[start : start + before_wrap] = rows[:before_wrap]
+        self._ring[: len(rows) - before_wrap] = rows[before_wrap:]
+        overwritten = max(0, self._size + len(rows) - self.capacity)
+        self._oldest = (self._oldest + overwritten) % self.capacity
+        self._size += len(rows) - overwritten
+
+    def sample_indices(self, rng: np.random.Generator, n: int) -> Indices:
+        """Draw n transitions uniformly with replacement.
+
+        Returns:
+            (n,) int64 indices, 0 the oldest transition held.
+
+        Raises:
+            PgaError: The buffer is empty.
+        """
+        if not self._size:
+            raise PgaError("The replay buffer is empty; add episodes before drawing from it.")
+        return rng.integers(0, self._size, n)
+
+    def rows(self, indices: Indices, out: Rows | None = None) -> Rows:
+        """Return the rows of some transitions.
+
+        Args:
+            indices: (n,) int64, 0 the oldest transition held; below `len`.
+            out: (n, width) float32 to write to.
+
+        Returns:
+            (n, width) float32, a copy.
+        """
+        # Indices count from the oldest row, wherever it lies in the ring: a buffer that was saved and read back gives
+        # the same batches although its ring starts elsewhere.
+        return np.take(self._ring, indices + self._oldest, axis=0, out=out, mode="wrap")
+
+    def state_batches(self, rng: np.random.Generator, n_batches: int, n: int) -> Rows:
+        """Draw batches of states, as PG variation takes them (Alg. 5).
+
+        Returns:
+            (n_batches, n, obs_dim) float32, contiguous.
+
+        Raises:
+            PgaError: The buffer is empty.
+        """
+        rows = self.rows(self.sample_indices(rng, n_batches * n))
+        return np.ascontiguousarray(rows[:, : self.obs_dim]).reshape(n_batches, n, self.obs_dim)
+
+    def contents(self) -> Rows:
+        """Return all rows, oldest first: (len, width) float32, a copy fit for `restore`."""
+        first = self._ring[self._oldest : self._oldest + self._size]
+        return np.concatenate((first, self._ring[: self._size - len(first)]))
+
+    def restore(self, rows: Rows, total_added: int) -> None:
+        """Replace the contents with those of a saved buffer.
+
+        Args:
+            rows: (n, width) float32, oldest first.
+            total_added: Transitions ever added to the saved buffer.
+
+        Raises:
+            StorageError: The rows are of another robot, or more than the buffer holds.
+        """
+        fits = rows.ndim == 2 and rows.shape[1] == self.width and len(rows) <= self.capacity
+        if not fits or rows.dtype != np.float32 or total_added < len(rows):
+            raise StorageError(
+                f"Saved replay rows are {rows.dtype} {rows.shape} of {total_added} ever added; this "
+                f"buffer holds at most {self.capacity} float32 rows of {self.width} numbers. "
+                "Resume with the task and replay_size that the run was started with."
+            )
+        self._ring[: len(rows)] = rows
+        self._oldest = 0
+        self._size = len(rows)
+        self.total_added = int(total_added)
