@@ -1,0 +1,238 @@
+"""The archive of MAP-Elites: one elite per cell (Alg. 3, Nilsson & Cully 2021)."""
+
+from __future__ import annotations
+
+import hashlib
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pga_me_ros.core.cvt import checked_box, cvt_centroids, grid_centroids, nearest_centroids
+from pga_me_ros.core.elite_table import EliteTable
+from pga_me_ros.core.elites import NO_PARENT, Elite, Operator, Solutions, Status
+from pga_me_ros.core.errors import ArchiveError
+from pga_me_ros.core.rng import Purpose, generator
+from pga_me_ros.core.settings import Settings
+from pga_me_ros.tasks.spec import TaskSpec
+
+__all__ = [
+    "NO_PARENT",
+    "Added",
+    "Archive",
+    "CvtArchive",
+    "Elite",
+    "GridArchive",
+    "Operator",
+    "Solutions",
+    "Status",
+    "empty_archive",
+]
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Added:
+    """What became of each solution of a batch.
+
+    Attributes:
+        status: (n,) int64 values of `Status`, in the order of the batch.
+        cells: (n,) int64 cells that the solutions fell into.
+    """
+
+    status: Ints
+    cells: Ints
+
+    @property
+    def changed_cells(self) -> Ints:
+        """Cells whose elite is another one than before, each once, ascending."""
+        return np.unique(self.cells[self.status != Status.REJECTED])
+
+
+class Archive(EliteTable, ABC):
+    """One elite per cell; subclasses decide which descriptor belongs to which cell.
+
+    Args:
+        centroids: (cells, d) float64 centres of the cells.
+        low: Least value of each of the d descriptor dimensions.
+        high: Greatest values.
+        parameter_count: Number P of parameters of a controller.
+
+    Raises:
+        ArchiveError: Centroids, bounds or the parameter count do not fit together.
+    """
+
+    kind: ClassVar[str]
+
+    def __init__(
+        self,
+        centroids: ArrayLike,
+        low: Sequence[float],
+        high: Sequence[float],
+        parameter_count: int,
+    ) -> None:
+        """Make an empty archive."""
+        self.low, self.high = checked_box(low, high)
+        self.centroids: Floats = np.array(centroids, np.float64)
+        shape, dimensions = self.centroids.shape, len(self.low)
+        if len(shape) != 2 or shape[1] != dimensions:
+            raise ArchiveError(f"Centroids have the shape {shape}; expected (cells, {dimensions}).")
+        if not np.isfinite(self.centroids).all():
+            raise ArchiveError("Centroids must be finite; NaN or infinity was among them.")
+        super().__init__(shape[0], dimensions, parameter_count)
+
+    @abstractmethod
+    def _nearest_cells(self, descriptors: Floats) -> Ints:
+        """Return the cells of (n, d) finite descriptors."""
+
+    @property
+    def bins(self) -> tuple[int, ...]:
+        """Bins per descriptor dimension of a grid, empty for other archives."""
+        return ()
+
+    def cell_of(self, descriptors: ArrayLike) -> Ints:
+        """Return the cell of each descriptor.
+
+        Args:
+            descriptors: (n, d) numbers.
+
+        Returns:
+            (n,) int64 array.
+
+        Raises:
+            ArchiveError: The shape is wrong or a number is not finite.
+        """
+        return self._nearest_cells(self.checked_descriptors(descriptors))
+
+    def add(self, batch: Solutions) -> Added:
+        """Offer solutions one after the other; strictly fitter ones replace (Alg. 3 lines 17-23).
+
+        Either the whole batch is taken or, when anything about it is wrong, nothing.
+
+        Raises:
+            ArchiveError: Fitness, descriptors or parameters are not finite or of the wrong shape.
+        """
+        self._check(batch)
+        cells = self.cell_of(batch.descriptors)
+        status = np.full(len(batch), Status.REJECTED, np.int64)
+        for i, cell in enumerate(cells.tolist()):
+            if not self.filled[cell]:
+                status[i] = Status.NEW
+            elif batch.fitness[i] > self.fitness[cell]:
+                status[i] = Status.IMPROVED
+            else:
+                continue
+            self.put(batch.elite(i, cell))
+        return Added(status, cells)
+
+    def digest(self) -> str:
+        """Return the SHA-256 of cells and elites as hexadecimal digits.
+
+        Equal digests mean bit for bit equal repertoires. Times, names and paths are no part of it.
+        """
+        out = hashlib.sha256(f"{self.kind} {self.bins} {self.parameters.shape}".encode())
+        for array in (self.low, self.high, self.centroids):
+            out.update(array.astype("<f8").tobytes())
+        for elite in self.elites():
+            out.update(elite.to_bytes())
+        return out.hexdigest()
+
+    def _check(self, batch: Solutions) -> None:
+        """Raise if any part of a batch but its descriptors does not fit."""
+        batch.check_shapes()
+        if batch.parameters.shape[1] != self.parameter_count:
+            raise ArchiveError(
+                f"Solutions have {batch.parameters.shape[1]} parameters; this archive's "
+                f"controllers have {self.parameter_count}."
+            )
+        if not set(batch.operators.tolist()) <= set(Operator):
+            raise ArchiveError(f"operators must be of {[int(o) for o in Operator]}.")
+        for name, values in (("fitness", batch.fitness[:, None]), ("parameters", batch.parameters)):
+            finite = np.isfinite(values).all(axis=1)
+            if not finite.all():
+                evaluation = int(batch.evaluations[finite.argmin()])
+                raise ArchiveError(
+                    f"The {name} of evaluation {evaluation} must be finite, not NaN or infinite."
+                )
+
+
+class CvtArchive(Archive):
+    """Cells of a centroidal Voronoi tessellation: a descriptor belongs to the nearest centroid.
+
+    Ties go to the lowest index. The authors' archive; `core.cvt.cvt_centroids` makes the centroids.
+    """
+
+    kind = "cvt"
+
+    def _nearest_cells(self, descriptors: Floats) -> Ints:
+        return nearest_centroids(descriptors, self.centroids)
+
+
+class GridArchive(Archive):
+    """Equal bins per dimension, the last dimension varying fastest.
+
+    A bin holds its lower edge, the last one also its upper edge; what lies outside the bounds
+    belongs to the outermost bin.
+
+    Args:
+        bins: Bins of each of the d descriptor dimensions.
+        low: Least value of each dimension.
+        high: Greatest values.
+        parameter_count: Number P of parameters of a controller.
+
+    Raises:
+        ArchiveError: Bins, bounds or the parameter count do not fit together.
+    """
+
+    kind = "grid"
+
+    def __init__(
+        self, bins: Sequence[int], low: Sequence[float], high: Sequence[float], parameter_count: int
+    ) -> None:
+        """Make an empty archive."""
+        self._bins = tuple(int(n) for n in bins)
+        super().__init__(grid_centroids(self._bins, low, high), low, high, parameter_count)
+        # Edges, not descriptor times bins: 29/100 lies on an edge of 100 bins, yet 0.29 * 100 < 29.
+        self._edges = [
+            a + (b - a) * np.arange(1, n) / n
+            for n, a, b in zip(self._bins, self.low, self.high, strict=True)
+        ]
+
+    @property
+    def bins(self) -> tuple[int, ...]:
+        """Bins per descriptor dimension."""
+        return self._bins
+
+    def _nearest_cells(self, descriptors: Floats) -> Ints:
+        coordinates = [
+            np.searchsorted(edges, column, side="right")
+            for edges, column in zip(self._edges, descriptors.T, strict=True)
+        ]
+        return np.ravel_multi_index(coordinates, self._bins).astype(np.int64)
+
+
+def empty_archive(settings: Settings, spec: TaskSpec, parameter_count: int) -> Archive:
+    """Return the empty archive that settings and a task ask for.
+
+    Centroids do not depend on the run's seed, so archives of several seeds compare cell by cell.
+
+    Args:
+        settings: Settings of the run (`archive`, `cells`, `cvt_samples`).
+        spec: Task, for the bounds of its descriptors and its number of cells.
+        parameter_count: Number P of parameters of a controller.
+
+    Raises:
+        ArchiveError: There are more cells than samples to make them of.
+    """
+    low, high = spec.descriptor_low, spec.descriptor_high
+    if settings.archive == "grid":
+        return GridArchive(spec.archive_bins, low, high, parameter_count)
+    cells = settings.cells or spec.archive_cells
+    rng = generator(0, Purpose.CENTROIDS, 0, cells)
+    centroids = cvt_centroids(cells, low, high, settings.cvt_samples, rng)
+    return CvtArchive(centroids, low, high, parameter_count)

@@ -1,0 +1,79 @@
+"""What a generation achieved: the metrics of section 4.4, Nilsson & Cully 2021, and who achieved it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pga_me_ros.core.archive import Added, Archive
+from pga_me_ros.core.elites import Operator, Solutions, Status
+
+
+@dataclass(frozen=True)
+class Metrics:
+    """State of the archive after a generation, and what the generation added.
+
+    Counts per operator are in the order of `Operator`: random, ga, pg, greedy.
+
+    Attributes:
+        generation: Number of the generation, from 0.
+        evaluations: Evaluations so far.
+        coverage: Filled cells.
+        coverage_share: Filled share of all cells, 0 to 1.
+        qd_score: Sum of the elites' fitness, without offset.
+        max_fitness: Fitness of the best elite.
+        mean_fitness: Mean fitness of the elites.
+        steps: Control steps simulated in this generation.
+        total_steps: Control steps simulated so far.
+        offspring: Solutions evaluated in this generation, per operator.
+        new_elites: Solutions that filled an empty cell, per operator.
+        improved_elites: Solutions that replaced an elite, per operator.
+    """
+
+    generation: int
+    evaluations: int
+    coverage: int
+    coverage_share: float
+    qd_score: float
+    max_fitness: float
+    mean_fitness: float
+    steps: int
+    total_steps: int
+    offspring: tuple[int, ...]
+    new_elites: tuple[int, ...]
+    improved_elites: tuple[int, ...]
+
+
+def generation_metrics(
+    archive: Archive, batch: Solutions, added: Added, generation: int, before: Metrics | None
+) -> Metrics:
+    """Return the metrics of a generation.
+
+    Args:
+        archive: Archive after the generation's batch was added.
+        batch: The solutions of the generation.
+        added: What `Archive.add` returned for them.
+        generation: Number of the generation, from 0.
+        before: Metrics of the generation before, None for the first.
+    """
+    steps = int(batch.steps.sum())
+    return Metrics(
+        generation=generation,
+        evaluations=len(batch) + (before.evaluations if before else 0),
+        coverage=archive.coverage,
+        coverage_share=archive.coverage / archive.cells,
+        qd_score=archive.qd_score(),
+        max_fitness=archive.max_fitness,
+        mean_fitness=archive.mean_fitness,
+        steps=steps,
+        total_steps=steps + (before.total_steps if before else 0),
+        offspring=_per_operator(batch, np.ones(len(batch), np.bool_)),
+        new_elites=_per_operator(batch, added.status == Status.NEW),
+        improved_elites=_per_operator(batch, added.status == Status.IMPROVED),
+    )
+
+
+def _per_operator(batch: Solutions, chosen: np.ndarray) -> tuple[int, ...]:
+    counts = np.bincount(batch.operators[chosen], minlength=len(Operator))
+    return tuple(counts.tolist())

@@ -1,0 +1,110 @@
+"""What a repertoire file says about the run that made it; enough to use its controllers."""
+
+from __future__ import annotations
+
+import json
+import platform
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
+from typing import Any
+
+from pga_me_ros.core.errors import StorageError
+from pga_me_ros.core.settings import Settings, identity_difference
+
+SCHEMA_VERSION = 1
+"""Version of the repertoire file's layout."""
+
+LIBRARIES = ("numpy", "torch", "pybullet")
+
+
+@dataclass(frozen=True)
+class RunInfo:
+    """Identity of a run. All of it is plain JSON, so that a reader needs nothing of the run's software.
+
+    Attributes:
+        run_id: UUID of the run.
+        settings: `Settings.to_dict()` of its first start; rates in force are stored per generation.
+        task: `TaskSpec.to_json()`: names, units and limits of observations, actions and descriptors.
+        layer_sizes: Sizes of the controllers' layers, from observation to action.
+        activations: Activation after each layer but the first, for example ``("relu", "tanh")``.
+        versions: Versions of the libraries that computed it.
+        created: Time of creation, ISO 8601 in UTC.
+        schema_version: Version of the file's layout.
+    """
+
+    run_id: str
+    settings: Mapping[str, Any]
+    task: Mapping[str, Any]
+    layer_sizes: tuple[int, ...]
+    activations: tuple[str, ...]
+    versions: Mapping[str, str]
+    created: str
+    schema_version: int = SCHEMA_VERSION
+
+    def to_json(self) -> str:
+        """Return all of it as a JSON object with sorted keys."""
+        return json.dumps(vars(self), sort_keys=True, allow_nan=False)
+
+    @classmethod
+    def from_json(cls, text: str) -> RunInfo:
+        """Return what `to_json` wrote.
+
+        Raises:
+            StorageError: The text is not what `to_json` writes.
+        """
+        try:
+            fields = json.loads(text)
+            fields["layer_sizes"] = tuple(fields["layer_sizes"])
+            fields["activations"] = tuple(fields["activations"])
+            return cls(**fields)
+        except (ValueError, TypeError, KeyError) as error:
+            raise StorageError(
+                f"The run's description cannot be read ({error}); restore the file from a copy."
+            ) from None
+
+    def require(self, settings: Settings, task: Mapping[str, Any]) -> None:
+        """Make sure that a run may go on with these settings and this task.
+
+        Rates and the budget may differ.
+
+        Raises:
+            StorageError: Something that decides the result is another one.
+        """
+        found = identity_difference(Settings.from_mapping(_tuples(self.settings)), settings)
+        ours = json.loads(json.dumps(self.task))
+        theirs = json.loads(json.dumps(dict(task)))
+        found += [
+            f"task {name}: {ours.get(name)} != {theirs.get(name)}"
+            for name in sorted(ours.keys() | theirs.keys())
+            if ours.get(name) != theirs.get(name)
+        ]
+        if found:
+            raise StorageError(
+                "The repertoire belongs to a run with other settings (its own != yours): "
+                f"{'; '.join(found)}. Start it with its own settings or choose another run_dir."
+            )
+
+    def version_differences(self, versions: Mapping[str, str]) -> list[str]:
+        """Name the libraries that differ, one ``"name: ours != theirs"`` each.
+
+        A run that goes on with others need not end with the bits that it would have ended with.
+        """
+        names = sorted(self.versions.keys() | versions.keys())
+        pairs = [(n, self.versions.get(n, "none"), versions.get(n, "none")) for n in names]
+        return [f"{name}: {a} != {b}" for name, a, b in pairs if a != b]
+
+
+def library_versions() -> dict[str, str]:
+    """Return the versions of Python and of what computes the results, importing none of it."""
+    found = {"python": platform.python_version()}
+    for name in LIBRARIES:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            found[name] = "none"
+    return found
+
+
+def _tuples(settings: Mapping[str, Any]) -> dict[str, Any]:
+    return {k: tuple(v) if isinstance(v, list) else v for k, v in settings.items()}
