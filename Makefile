@@ -1,0 +1,39 @@
+# Every target sets up what is missing first; a set-up that is up to date costs a fraction of a second.
+SHELL := /bin/bash
+.DEFAULT_GOAL := help
+.PHONY: help setup messages run test lint bench clean
+
+# Settings for the command line:
+PYTHON ?=
+TASK ?= qd_walker
+ARGS ?=
+
+SETUP := PYTHON="$(PYTHON)" scripts/setup.sh
+IN_VENV := . .venv/setup.bash &&
+
+help: ## Show this list
+	@sed -nE 's/^([a-z]+):.*## (.*)/  make \1\t\2/p' Makefile | expand -t 18
+	@echo
+	@echo '  TASK=qd_hopper picks config/qd_hopper.yaml for run; ARGS="..." goes to run (ROS arguments, as'
+	@echo '  -p evaluations:=20000), test (pytest options) and bench; PYTHON=/path/to/python3.11 to setup.'
+
+setup: ## Bring .venv up to date (every other target does this by itself)
+	@$(SETUP)
+
+messages: ## Bring the message package in .venv up to date, and only that
+	@$(SETUP) messages
+
+run: setup ## Grow a repertoire, query it from another process, run the gait that came back
+	@$(IN_VENV) exec python -m pga_me_ros.demo --params-file config/$(TASK).yaml $(ARGS)
+
+test: setup ## Run all checks and tests
+	@$(IN_VENV) ROS_PYTHON_CHECK_FIELDS=1 exec python -m pytest $(ARGS)
+
+lint: setup ## Run only the checks of style and types
+	@$(IN_VENV) exec python -m pytest -q test/packaging/test_lint.py
+
+bench: setup ## Run the benchmarks
+	@$(IN_VENV) for bench in bench/*.py; do echo "== $$bench"; python "$$bench" $(ARGS) || exit 1; done
+
+clean: ## Remove what set-up, builds and tools left, but no run directory
+	rm -rf .venv build install log dist *.egg-info .hypothesis .mypy_cache .pytest_cache .ruff_cache

@@ -1,0 +1,21 @@
+# Source this file in bash: puts the environment that holds it, with pga_me_ros and pga_me_msgs, in front.
+# The set-up installs it as .venv/setup.bash.
+_pga_me_prefix="$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)"
+
+# Puts the environment's entry in front of a colon-separated variable; sourcing twice changes nothing.
+_pga_me_prepend() {
+    case ":${!1-}:" in
+        *":$2:"*) ;;
+        *) export "$1=$2${!1:+:${!1}}" ;;
+    esac
+}
+
+_pga_me_prepend PATH "$_pga_me_prefix/bin"
+_pga_me_prepend AMENT_PREFIX_PATH "$_pga_me_prefix"
+_pga_me_prepend CMAKE_PREFIX_PATH "$_pga_me_prefix"
+export VIRTUAL_ENV="$_pga_me_prefix"
+export ROS_DISTRO=jazzy ROS_VERSION=2 ROS_PYTHON_VERSION=3
+# The wheels hold this middleware and no other.
+export RMW_IMPLEMENTATION=rmw_fastrtps_cpp
+unset _pga_me_prefix
+unset -f _pga_me_prepend
