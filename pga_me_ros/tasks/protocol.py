@@ -1,0 +1,89 @@
+"""The task protocol: what a simulated robot must offer so that a repertoire can be grown for it.
+
+To add a robot, write a class with these five methods and a `spec`, name it ``my_package.my_module:MyTask`` wherever a
+task is asked for, and let `pga_me_ros.tasks.check.check_task` say what is wrong with it. No base class is needed.
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from pga_me_ros.core.errors import TaskError
+from pga_me_ros.tasks.spec import TaskSpec
+
+Float32Array = npt.NDArray[np.float32]
+Float64Array = npt.NDArray[np.float64]
+
+__all__ = ["DivergedError", "Float32Array", "Float64Array", "NonFiniteActionError"]
+__all__ += ["Task", "TaskSpec"]
+
+
+class NonFiniteActionError(TaskError):
+    """An action holds NaN or infinity; it was not applied, and the next reset starts a sound episode."""
+
+
+class DivergedError(TaskError):
+    """The simulation left the finite numbers; the next reset starts a sound episode."""
+
+
+class Task(Protocol):
+    """A simulated robot with a fitness and a behaviour descriptor.
+
+    Contract beyond the signatures:
+        * An episode depends on `reset`'s generator and its actions alone, never on what ran before it in the process:
+          equal generators and actions give equal bits in a fresh world and in the thousandth episode.
+        * Random draws come from that generator only.
+        * Modules load without a simulator: import it in ``__init__``, because nodes that never simulate read `spec`.
+        * Several tasks may live in one process; each has a world of its own.
+    """
+
+    spec: ClassVar[TaskSpec]
+
+    def __init__(self, *, render: bool = False) -> None:
+        """Start the simulator.
+
+        Args:
+            render: Whether to open a window. A task that cannot draw may leave the argument out.
+        """
+        ...
+
+    def reset(self, rng: np.random.Generator) -> Float32Array:
+        """Begin an episode.
+
+        Args:
+            rng: Source of the initial pose.
+
+        Returns:
+            (observation_dim,) float32 array, the first observation.
+        """
+        ...
+
+    def step(self, action: Float32Array) -> tuple[Float32Array, float, bool]:
+        """Apply an action for one control period.
+
+        Args:
+            action: (action_dim,) float32 array.
+
+        Returns:
+            The next observation, (observation_dim,) float32; the reward of this step; and whether the robot failed
+            (fell). The time limit is not a failure: whoever counts the steps ends the episode.
+
+        Raises:
+            NonFiniteActionError: The action holds NaN or infinity. The world is left as it was.
+        """
+        ...
+
+    def descriptor(self) -> Float64Array:
+        """Return the behaviour descriptor of the episode so far.
+
+        Returns:
+            (descriptor_dim,) float64 array within ``spec.descriptor_low`` and ``spec.descriptor_high``.
+        """
+        ...
+
+    def close(self) -> None:
+        """Stop the simulator; a second call does nothing."""
+        ...

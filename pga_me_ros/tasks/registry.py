@@ -1,0 +1,63 @@
+"""Names of tasks: the built-in ones and ``module.path:Class`` for a user's own."""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any
+
+from pga_me_ros.core.errors import TaskError, nearest_name
+from pga_me_ros.tasks.protocol import Task
+from pga_me_ros.tasks.spec import TaskSpec
+
+BUILT_IN = {
+    "qd_walker": "pga_me_ros.tasks.locomotion:QDWalker",
+    "qd_half_cheetah": "pga_me_ros.tasks.locomotion:QDHalfCheetah",
+    "qd_ant": "pga_me_ros.tasks.locomotion:QDAnt",
+    "qd_hopper": "pga_me_ros.tasks.locomotion:QDHopper",
+}
+
+
+def load_task(name: str) -> type[Task]:
+    """Return the class of a task; no simulator is started or imported for it.
+
+    Args:
+        name: A key of `BUILT_IN`, or ``module.path:Class`` for a class on the Python path.
+
+    Raises:
+        TaskError: The name is unknown, or its module or class cannot be loaded.
+    """
+    if not isinstance(name, str):
+        raise TaskError(f"a task is named by a string, not {type(name).__name__}")
+    path = BUILT_IN.get(name, name)
+    if ":" not in path:
+        raise TaskError(
+            f"unknown task '{name}'{nearest_name(name, BUILT_IN)}; built-in tasks are {', '.join(BUILT_IN)}, "
+            "any other is given as 'module.path:Class'"
+        )
+    task_class = _load_class(name, *path.split(":", 1))
+    if not isinstance(getattr(task_class, "spec", None), TaskSpec):
+        raise TaskError(f"task '{name}' has no class attribute 'spec' that is a TaskSpec; add one")
+    return task_class
+
+
+def task_spec(name: str) -> TaskSpec:
+    """Return the spec of a task, see `load_task`."""
+    return load_task(name).spec
+
+
+def _load_class(name: str, module_path: str, class_name: str) -> type[Any]:
+    try:
+        module = importlib.import_module(module_path)
+    except Exception as error:  # a user's module may raise anything while it loads
+        raise TaskError(
+            f"task '{name}': module '{module_path}' does not load ({type(error).__name__}: {error}); "
+            "check the spelling and that its package is on the Python path"
+        ) from error
+    task_class = getattr(module, class_name, None)
+    if not isinstance(task_class, type):
+        classes = [key for key, value in vars(module).items() if isinstance(value, type)]
+        raise TaskError(
+            f"task '{name}': module '{module_path}' has no class '{class_name}'"
+            f"{nearest_name(class_name, classes)}; expected 'module.path:Class'"
+        )
+    return task_class

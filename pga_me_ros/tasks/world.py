@@ -1,0 +1,142 @@
+"""A PyBullet world with a floor and one robot, built call by call as the engine that the paper used builds it."""
+
+from __future__ import annotations
+
+import os
+from typing import Any
+
+from pga_me_ros.core.errors import TaskError
+from pga_me_ros.tasks.robots import CONTROL_PERIOD, Robot
+
+TORSO = "torso"
+
+
+class World:
+    """One physics client with the floor, the robot, and the state that every episode starts from.
+
+    Attributes:
+        client: Id of the physics client.
+        floor: Body id of the floor.
+        robot: Body id of the robot.
+        joints: Indices of the actuated joints, ascending.
+        joint_limits: Lower and upper limit of each actuated joint, rad.
+        links: Link index by name.
+        torso: Link index of the torso, -1 where it is the base.
+
+    Args:
+        robot: Constants of the robot.
+        render: Whether to open PyBullet's window.
+
+    Raises:
+        TaskError: The model in pybullet_data is missing or has other joints than the task describes.
+    """
+
+    def __init__(self, robot: Robot, *, render: bool = False) -> None:
+        import pybullet
+        import pybullet_data
+
+        self._pybullet = pybullet
+        self.client: int = pybullet.connect(pybullet.GUI if render else pybullet.DIRECT)
+        if self.client < 0:
+            raise TaskError("PyBullet opened no world; without a display, leave `render` off")
+        try:
+            self._set_physics()
+            self.floor = self._load_floor(pybullet_data.getDataPath())
+            self.robot = self._load_robot(pybullet_data.getDataPath(), robot.model)
+            self._read_model(robot)
+            self._release_motors()
+            self._start: int = pybullet.saveState(physicsClientId=self.client)
+        except BaseException:
+            self.close()
+            raise
+
+    def begin_episode(self, positions: list[float]) -> None:
+        """Put the robot into its initial pose, at rest, whatever happened before.
+
+        Args:
+            positions: Position of each actuated joint, rad.
+        """
+        pybullet, client, robot = self._pybullet, self.client, self.robot
+        pybullet.restoreState(self._start, physicsClientId=client)
+        for joint, position in zip(self.joints, positions, strict=True):
+            pybullet.resetJointState(robot, joint, position, 0.0, client)
+
+    def close(self) -> None:
+        """Disconnect; a second call does nothing."""
+        if self.client >= 0:
+            self._pybullet.disconnect(self.client)
+            self.client = -1
+
+    def _set_physics(self) -> None:
+        pybullet, client = self._pybullet, self.client
+        pybullet.resetSimulation(physicsClientId=client)
+        pybullet.setPhysicsEngineParameter(deterministicOverlappingPairs=1, physicsClientId=client)
+        pybullet.setGravity(0, 0, -9.8, physicsClientId=client)
+        pybullet.setDefaultContactERP(0.9, physicsClientId=client)
+        pybullet.setPhysicsEngineParameter(
+            fixedTimeStep=CONTROL_PERIOD,
+            numSolverIterations=5,
+            numSubSteps=4,
+            physicsClientId=client,
+        )
+
+    def _load_floor(self, folder: str) -> int:
+        path = os.path.join(folder, "plane_stadium.sdf")
+        try:
+            (floor,) = self._pybullet.loadSDF(path, physicsClientId=self.client)
+        except self._pybullet.error as error:
+            raise TaskError(f"PyBullet cannot load {path} ({error}); reinstall pybullet") from error
+        self._pybullet.changeDynamics(
+            floor, -1, lateralFriction=0.8, restitution=0.5, physicsClientId=self.client
+        )
+        return int(floor)
+
+    def _load_robot(self, folder: str, model: str) -> int:
+        pybullet = self._pybullet
+        path = os.path.join(folder, "mjcf", model)
+        flags = (
+            pybullet.URDF_USE_SELF_COLLISION
+            | pybullet.URDF_USE_SELF_COLLISION_EXCLUDE_ALL_PARENTS
+            | pybullet.URDF_GOOGLEY_UNDEFINED_COLORS
+        )
+        try:
+            (robot,) = pybullet.loadMJCF(path, flags=flags, physicsClientId=self.client)
+        except pybullet.error as error:
+            raise TaskError(f"PyBullet cannot load {path} ({error}); reinstall pybullet") from error
+        return int(robot)
+
+    def _read_model(self, robot: Robot) -> None:
+        self.links: dict[str, int] = {}
+        self.joints: list[int] = []
+        self.joint_limits: list[tuple[float, float]] = []
+        names = []
+        for index in range(self._pybullet.getNumJoints(self.robot, self.client)):
+            info = self._pybullet.getJointInfo(self.robot, index, self.client)
+            name, lower, upper = info[1].decode(), info[8], info[9]
+            self.links[info[12].decode()] = index
+            # The model's own names for the robot's freedom to move in the plane, and for welded parts.
+            if not name.startswith(("ignore", "jointfix")):
+                names.append(name)
+                self.joints.append(index)
+                self.joint_limits.append((lower, upper))
+        if names != list(robot.torques):
+            raise TaskError(
+                f"{robot.model} in pybullet_data has the joints {names}, expected {list(robot.torques)}; "
+                "install the pybullet version that this package pins"
+            )
+        self.torso = -1 if robot.torso_is_base else self.links[TORSO]
+
+    def _release_motors(self) -> None:
+        """Take the force from the motors that PyBullet gives every joint, so that only torques drive it."""
+        for index in range(self._pybullet.getNumJoints(self.robot, self.client)):
+            self._pybullet.setJointMotorControl2(
+                self.robot,
+                index,
+                self._pybullet.POSITION_CONTROL,
+                targetPosition=0,
+                targetVelocity=0,
+                positionGain=0.1,
+                velocityGain=0.1,
+                force=0,
+                physicsClientId=self.client,
+            )
