@@ -1,4 +1,4 @@
-"""What a generation achieved: the metrics of section 4.4, Nilsson & Cully 2021, and who achieved it."""
+"""What a generation achieved (section 4.4, Nilsson & Cully 2021), and which operators did."""
 
 from __future__ import annotations
 

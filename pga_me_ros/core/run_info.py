@@ -20,11 +20,11 @@ LIBRARIES = ("numpy", "torch", "pybullet")
 
 @dataclass(frozen=True)
 class RunInfo:
-    """Identity of a run. All of it is plain JSON, so that a reader needs nothing of the run's software.
+    """Identity of a run: plain JSON, so that readers need nothing of its software.
 
     Attributes:
         run_id: UUID of the run.
-        settings: `Settings.to_dict()` of its first start; rates in force are stored per generation.
+        settings: `Settings.to_dict()` of its first start; each generation has its rates.
         task: `TaskSpec.to_json()`: names, units and limits of observations, actions and descriptors.
         layer_sizes: Sizes of the controllers' layers, from observation to action.
         activations: Activation after each layer but the first, for example ``("relu", "tanh")``.

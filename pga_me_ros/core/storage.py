@@ -1,0 +1,288 @@
+"""The repertoire file: elites, metrics and the run's identity in one SQLite database (WAL)."""
+
+from __future__ import annotations
+
+import os
+import sqlite3
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from datetime import UTC, datetime
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from pga_me_ros.core.archive import Archive
+from pga_me_ros.core.elites import Elite
+from pga_me_ros.core.errors import StorageError
+from pga_me_ros.core.file_lock import FileLock
+from pga_me_ros.core.metrics import Metrics
+from pga_me_ros.core.run_info import SCHEMA_VERSION, RunInfo
+from pga_me_ros.core.storage_file import connect, create_file, explained
+from pga_me_ros.core.storage_rows import (
+    SCHEMA,
+    Damaged,
+    Row,
+    archive_to_row,
+    elite_to_row,
+    metrics_to_row,
+    row_to_archive,
+    row_to_elite,
+    row_to_metrics,
+    xor_digests,
+)
+
+__all__ = ["SCHEMA_VERSION", "Repertoire", "RunInfo"]
+
+LAST_GENERATION = "SELECT * FROM generations ORDER BY generation DESC LIMIT 1"
+
+
+class Repertoire:
+    """An open repertoire file; made by `create` and `open`, closed by `close` or ``with``.
+
+    A generation is committed whole, and once committed survives a power cut. One process at a time
+    may write; any number may read meanwhile, and see whole generations only.
+
+    Attributes:
+        path: The file.
+        read_only: Whether it was opened for reading.
+        info: Identity of the run.
+    """
+
+    def __init__(self, path: Path, connection: sqlite3.Connection, lock: FileLock | None) -> None:
+        """Use `create` or `open` instead."""
+        self.path = path
+        self.read_only = lock is None
+        self._connection = connection
+        self._lock = lock
+        with explained(path):
+            self.info, _ = row_to_archive(self._run_row())
+            rows = connection.execute("SELECT cell, digest FROM elites").fetchall()
+        self._digests: dict[int, bytes] = dict(rows)
+
+    @classmethod
+    def create(cls, path: str | Path, info: RunInfo, archive: Archive) -> Repertoire:
+        """Make a new file with no generation in it, and open it for writing.
+
+        Args:
+            path: The file; its folder is made if absent.
+            info: Identity of the run.
+            archive: Archive whose cells the repertoire has; its elites are not stored.
+
+        Raises:
+            StorageError: The file exists, or cannot be made.
+        """
+        path = Path(path)
+        with explained(path):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            lock = FileLock(Path(f"{path}.lock"))
+            try:
+                _create(path, info, archive)
+                return cls(path, connect(path, read_only=False), lock)
+            except BaseException:
+                lock.release()
+                raise
+
+    @classmethod
+    def open(cls, path: str | Path, read_only: bool = False) -> Repertoire:
+        """Open a file.
+
+        Args:
+            path: The file.
+            read_only: Whether nothing will be committed; works beside a writer and in folders that
+                cannot be written.
+
+        Raises:
+            StorageError: The file is missing, not a repertoire, damaged, of another schema version,
+                not accessible, or being written by another process.
+        """
+        path = Path(path)
+        if read_only:
+            return cls(path, connect(path, read_only=True), None)
+        if not path.is_file():
+            connect(path, read_only=True)
+        lock = FileLock(Path(f"{path}.lock"))
+        try:
+            return cls(path, connect(path, read_only=False), lock)
+        except BaseException:
+            lock.release()
+            raise
+
+    @property
+    def last_generation(self) -> int:
+        """Number of the last committed generation, -1 for none.
+
+        Raises:
+            StorageError: The file is damaged.
+        """
+        last = self._last()
+        return -1 if last is None else last[0].generation
+
+    def commit(
+        self,
+        generation: int,
+        elites: Sequence[Elite],
+        metrics: Metrics,
+        rates: Mapping[str, Any],
+    ) -> bool:
+        """Store a generation in one transaction; on return it survives a power cut.
+
+        Args:
+            generation: Number of the generation, from 0.
+            elites: The elites of all cells that it changed.
+            metrics: Its metrics.
+            rates: The rates in force, fit for JSON.
+
+        Returns:
+            False if that generation was there already, in which case nothing is changed.
+
+        Raises:
+            StorageError: A generation is left out, the parts do not fit together, the file was
+                opened for reading, or it cannot be written; then nothing of it is in the file.
+        """
+        if self._lock is None:
+            raise StorageError(f"'{self.path}' was opened for reading; open it for writing.")
+        last = self.last_generation
+        if generation <= last:
+            return False
+        if generation != last + 1 or metrics.generation != generation:
+            raise StorageError(
+                f"'{self.path}' ends with generation {last}; the next is {last + 1}, not "
+                f"{generation} with metrics of {metrics.generation}."
+            )
+        rows = [elite_to_row(elite) for elite in elites]
+        digests = self._digests | {row[0]: row[-1] for row in rows}
+        if len(digests) != metrics.coverage:
+            raise StorageError(
+                f"Generation {generation} has a coverage of {metrics.coverage}, but '{self.path}' "
+                f"would hold {len(digests)} elites; commit those of all changed cells."
+            )
+        now = datetime.now(UTC).isoformat(timespec="milliseconds")
+        total = xor_digests(list(digests.values()))
+        row = metrics_to_row(metrics, rates, now, total)
+        with explained(self.path), self._transaction("IMMEDIATE"):
+            self._insert("elites", rows)
+            self._insert("generations", [row])
+        self._digests = digests
+        return True
+
+    def load_archive(self) -> Archive:
+        """Return the archive after the last committed generation, every row checked.
+
+        Raises:
+            StorageError: A row is damaged, missing or foreign.
+        """
+        with explained(self.path), self._transaction("DEFERRED"):
+            _, archive = row_to_archive(self._run_row())
+            digests = []
+            for row in self._connection.execute("SELECT * FROM elites ORDER BY cell"):
+                archive.put(row_to_elite(row, archive))
+                digests.append(row[-1])
+            last = self._last()
+            expected = (0, xor_digests([])) if last is None else (last[0].coverage, last[2])
+            if (len(archive), xor_digests(digests)) != expected:
+                raise Damaged("its elites are not those of its last generation")
+        return archive
+
+    def metrics(self) -> list[Metrics]:
+        """Return the metrics of all generations, in order.
+
+        Raises:
+            StorageError: A row is damaged or missing.
+        """
+        return [metrics for metrics, _ in self._generations()]
+
+    def rates(self) -> list[dict[str, Any]]:
+        """Return the rates that were in force in each generation, in order.
+
+        Raises:
+            StorageError: A row is damaged or missing.
+        """
+        return [rates for _, rates in self._generations()]
+
+    def result_digest(self) -> str:
+        """Return the SHA-256 of cells and elites: equal for bit for bit equal repertoires.
+
+        It does not depend on times, the run's id or paths (`Archive.digest`).
+
+        Raises:
+            StorageError: A row is damaged, missing or foreign.
+        """
+        return self.load_archive().digest()
+
+    def close(self) -> None:
+        """Close the file and let others write it; once is enough."""
+        with explained(self.path):
+            self._connection.close()
+        if self._lock is not None:
+            self._lock.release()
+
+    def __enter__(self) -> Repertoire:
+        """Return itself."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """Close the file."""
+        self.close()
+
+    def _run_row(self) -> Row:
+        query = "SELECT info, archive, centroids, digest FROM run"
+        row: Row | None = self._connection.execute(query).fetchone()
+        if row is None:
+            raise Damaged("the run's description is missing")
+        return row
+
+    def _last(self) -> tuple[Metrics, dict[str, Any], bytes] | None:
+        with explained(self.path):
+            row = self._connection.execute(LAST_GENERATION).fetchone()
+            return None if row is None else row_to_metrics(row)
+
+    def _generations(self) -> list[tuple[Metrics, dict[str, Any]]]:
+        with explained(self.path):
+            query = "SELECT * FROM generations ORDER BY generation"
+            rows = [row_to_metrics(row) for row in self._connection.execute(query)]
+            if [m.generation for m, _, _ in rows] != list(range(len(rows))):
+                raise Damaged("the row of a generation is missing")
+        return [(metrics, rates) for metrics, rates, _ in rows]
+
+    def _insert(self, table: str, rows: Sequence[Row]) -> None:
+        if rows:
+            marks = ", ".join("?" * len(rows[0]))
+            self._connection.executemany(f"INSERT OR REPLACE INTO {table} VALUES ({marks})", rows)
+
+    @contextmanager
+    def _transaction(self, kind: str) -> Iterator[None]:
+        self._connection.execute(f"BEGIN {kind}")
+        try:
+            yield
+            self._connection.execute("COMMIT")
+        except BaseException:
+            if self._connection.in_transaction:
+                self._connection.execute("ROLLBACK")
+            raise
+
+
+def _create(path: Path, info: RunInfo, archive: Archive) -> None:
+    """Make the file under another name and rename it, so that there is never half a file."""
+    for present in (path, Path(f"{path}-wal")):
+        if present.exists():
+            raise StorageError(
+                f"'{present}' exists already; go on with its run or choose another run_dir."
+            )
+    new = Path(f"{path}.new")
+    connection = create_file(new, SCHEMA)
+    try:
+        row = archive_to_row(info, archive)
+        connection.execute("INSERT INTO run VALUES (0, ?, ?, ?, ?)", row)
+    finally:
+        connection.close()
+    os.replace(new, path)
+    folder = os.open(path.parent, os.O_RDONLY)
+    try:
+        os.fsync(folder)
+    finally:
+        os.close(folder)
