@@ -7,8 +7,8 @@ from setuptools import find_packages, setup
 
 PACKAGE = "pga_me_ros"
 
-# Each link in resource/executables is an executable: `ros2 run pga_me_ros <name>` runs main() of pga_me_ros/nodes/<name>.py.
-# To add one: ln -s ../start_node resource/executables/<name>
+# Each link in resource/executables is an executable: `ros2 run pga_me_ros <name>` runs main() of
+# pga_me_ros/nodes/<name>.py. To add one: ln -s ../start_node resource/executables/<name>
 EXECUTABLES = sorted(
     link.name for link in (Path(__file__).resolve().parent / "resource/executables").iterdir()
 )
@@ -16,7 +16,7 @@ EXECUTABLES = sorted(
 setup(
     name=PACKAGE,
     version="0.1.0",
-    description="PGA-MAP-Elites as a ROS 2 node graph: grows a repertoire of gaits that other nodes can query.",
+    description="Grows, by PGA-MAP-Elites, a repertoire of gaits that other nodes can query.",
     author="pga_me_ros maintainers",
     author_email="maintainers@pga-me-ros.org",
     maintainer="pga_me_ros maintainers",
@@ -24,7 +24,7 @@ setup(
     license="Apache-2.0",
     python_requires=">=3.11",
     packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
-    # What the nodes import is declared in package.xml for rosdep, and pinned in requirements/run.txt for pip.
+    # What the nodes import is declared in package.xml, and pinned in requirements/run.txt.
     install_requires=["setuptools"],
     entry_points={
         "console_scripts": [f"{name} = {PACKAGE}.nodes.{name}:main" for name in EXECUTABLES]

@@ -17,5 +17,7 @@ export VIRTUAL_ENV="$_pga_me_prefix"
 export ROS_DISTRO=jazzy ROS_VERSION=2 ROS_PYTHON_VERSION=3
 # The wheels hold this middleware and no other.
 export RMW_IMPLEMENTATION=rmw_fastrtps_cpp
+# What colcon must tell CMake so that it can build against the wheels; your own file goes first.
+export COLCON_DEFAULTS_FILE="${COLCON_DEFAULTS_FILE:-$_pga_me_prefix/colcon_defaults.yaml}"
 unset _pga_me_prefix
 unset -f _pga_me_prepend

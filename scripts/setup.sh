@@ -25,4 +25,4 @@ else
         exit 1
     fi
 fi
-exec "$PYTHON" -I scripts/setup_venv.py "$@"
+exec "$PYTHON" -E -s scripts/setup_venv.py "$@"

@@ -1,0 +1,171 @@
+"""What each step of the set-up does; setup_venv.py decides which of them are due.
+
+Only the standard library is used, since this runs before anything is installed.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+import sysconfig
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+VENV = ROOT / ".venv"
+LOG = VENV / "setup.log"
+BUILD = VENV / "build" / "pga_me_msgs"
+# Against the wheels, CMake needs this wherever an interface package is built.
+CMAKE_FOR_WHEELS = f"-DCMAKE_PROJECT_INCLUDE={ROOT / 'scripts' / 'drop_missing_includes.cmake'}"
+REQUIREMENTS = ("run.txt", "build.txt", "test.txt")
+LOG_LINES_SHOWN = 10
+BOOTSTRAP_GUARD = "_ROS_WHEELS_BOOTSTRAP_COMPLETE"
+
+
+class SetupError(Exception):
+    """The set-up cannot go on; the message says why and what to do."""
+
+
+def clean_environment() -> dict[str, str]:
+    """Return the tools' environment: .venv first, nothing of another Python, workspace or make."""
+    environment = dict(os.environ)
+    # With its guard set the wheels' bootstrap trusts LD_LIBRARY_PATH; both may be another venv's.
+    if environment.pop(BOOTSTRAP_GUARD, None):
+        environment.pop("LD_LIBRARY_PATH", None)
+    for name in (
+        "PYTHONPATH",
+        "PYTHONHOME",
+        "MAKEFLAGS",
+        "MFLAGS",
+        "MAKELEVEL",
+        "CMAKE_GENERATOR",
+        "DESTDIR",
+    ):
+        environment.pop(name, None)
+    environment["VIRTUAL_ENV"] = str(VENV)
+    environment["PATH"] = f"{VENV / 'bin'}{os.pathsep}{environment.get('PATH', os.defpath)}"
+    environment["AMENT_PREFIX_PATH"] = environment["CMAKE_PREFIX_PATH"] = str(VENV)
+    return environment
+
+
+def telling_lines(output: list[str]) -> list[str]:
+    """Return the first lines that name an error (a parallel build buries them), else the last."""
+    errors = [line for line in output if re.search(r"\berror\b", line, re.IGNORECASE)]
+    return errors[:LOG_LINES_SHOWN] or output[-LOG_LINES_SHOWN:]
+
+
+def run_logged(*command: str | Path, cwd: Path = ROOT) -> None:
+    """Run a command with its output in the log.
+
+    Raises:
+        SetupError: it failed; the message holds the end of its output.
+    """
+    VENV.mkdir(exist_ok=True)
+    with LOG.open("a") as log:
+        began = log.tell()
+        print(f"\n$ {' '.join(map(str, command))}", file=log, flush=True)
+        result = subprocess.run(
+            [str(word) for word in command],
+            cwd=cwd,
+            env=clean_environment(),
+            stdin=subprocess.DEVNULL,
+            stdout=log,
+            stderr=subprocess.STDOUT,
+            check=False,
+        )
+    if result.returncode:
+        output = LOG.read_bytes()[began:].decode(errors="replace").splitlines()
+        raise SetupError(
+            "\n".join([*telling_lines(output), f"error: set-up failed; the whole log is {LOG}"])
+        )
+
+
+def base_python() -> str:
+    """Return the interpreter that venvs are made from, also when .venv's python runs this."""
+    return getattr(sys, "_base_executable", sys.executable)
+
+
+def create_venv() -> None:
+    """Make .venv, or mend the one that is there."""
+    run_logged(base_python(), "-m", "venv", VENV)
+
+
+def install_requirements() -> None:
+    """Install the pinned dependencies; one pip call, so that it finds any conflict among them."""
+    pins = [word for name in REQUIREMENTS for word in ("-r", f"requirements/{name}")]
+    run_logged(
+        VENV / "bin/python",
+        "-m",
+        "pip",
+        "install",
+        "--no-input",
+        "--disable-pip-version-check",
+        *pins,
+    )
+
+
+def build_messages() -> None:
+    """Build and install the message package anew, after removing what the last build installed."""
+    manifest = BUILD / "install_manifest.txt"
+    if manifest.is_file():
+        for line in manifest.read_text().splitlines():
+            Path(line).unlink(missing_ok=True)
+    shutil.rmtree(BUILD, ignore_errors=True)
+    cmake = VENV / "bin/cmake"
+    run_logged(
+        cmake, "-S", "msg_defs", "-B", BUILD, "-G", "Unix Makefiles",
+        f"-DCMAKE_INSTALL_PREFIX={VENV}",
+        f"-DPython3_EXECUTABLE={VENV / 'bin/python3'}",
+        CMAKE_FOR_WHEELS,
+        "-DCMAKE_BUILD_TYPE=Release", "-DBUILD_TESTING=OFF",
+    )  # fmt: skip
+    run_logged(cmake, "--build", BUILD, "--parallel", str(os.cpu_count() or 1))
+    run_logged(cmake, "--install", BUILD)
+
+
+def install_package() -> None:
+    """Make the checkout importable, and put what ROS looks for into the prefix."""
+    python = VENV / "bin/python"
+    run_logged(
+        python, "-m", "pip", "install", "--no-deps", "--no-build-isolation", "--editable", "."
+    )
+    # An editable install leaves the data files out.
+    run_logged(python, "setup.py", "--quiet", "install_data", "--force", f"--install-dir={VENV}")
+    shutil.copy(ROOT / "scripts/setup.bash", VENV / "setup.bash")
+    defaults = {"build": {"cmake-args": [CMAKE_FOR_WHEELS]}}
+    (VENV / "colcon_defaults.yaml").write_text(json.dumps(defaults))  # JSON is YAML
+
+
+def check_machine() -> None:
+    """Check that what cannot be installed from here is there.
+
+    Raises:
+        SetupError: a tool or the Python headers are missing.
+    """
+    for tool, variable, names in (
+        ("C compiler", "CC", ("cc", "gcc", "clang")),
+        ("C++ compiler", "CXX", ("c++", "g++", "clang++")),
+        ("make", "", ("make", "gmake")),
+    ):
+        chosen = os.environ.get(variable, "").split()[:1]
+        if not any(shutil.which(name) for name in chosen or names):
+            missing = (
+                f"{variable}={chosen[0]} does not exist"
+                if chosen
+                else f"no {tool} ({', '.join(names)}) on PATH"
+            )
+            raise SetupError(
+                f"error: {missing}; the message package needs one: install gcc, g++ and make"
+            )
+    if not Path(sysconfig.get_path("include"), "Python.h").is_file():
+        raise SetupError(f"error: {base_python()} lacks Python.h; install its development package")
+    try:
+        import ensurepip  # noqa: F401
+        import venv  # noqa: F401
+    except ImportError:
+        raise SetupError(
+            f"error: {base_python()} lacks the venv module; install its venv package"
+        ) from None
