@@ -1,9 +1,8 @@
-"""The QD locomotion tasks of §4.1 (Nilsson & Cully 2021): run fast and frugally; the feet's use describes the gait.
+"""The QD locomotion tasks of §4.1 (Nilsson & Cully 2021): run far and frugally, whichever way.
 
-Observation, reward and termination are those of PyBullet's locomotion environments, bit for bit. That is why sums are
-taken in NumPy's order, angles by NumPy's functions (its vectorised sine may differ from the C library's in the last bit)
-and small products by NumPy's dot. PyBullet is asked once per step for each thing that is needed; the rest is arithmetic
-on plain floats, which on this few numbers is several times faster than arrays.
+Observation, reward and termination are those of PyBullet's own locomotion environments, bit for
+bit. PyBullet is asked once per step for each thing that is needed; the rest is arithmetic on plain
+floats, which on this few numbers is several times faster than arrays.
 """
 
 from __future__ import annotations
@@ -14,10 +13,10 @@ from typing import ClassVar
 import numpy as np
 
 from pga_me_ros.core.errors import TaskError
+from pga_me_ros.tasks.heading import Heading, Vector
 from pga_me_ros.tasks.protocol import Float32Array, Float64Array, NonFiniteActionError
 from pga_me_ros.tasks.robots import (
     ANT,
-    CONTROL_PERIOD,
     HALF_CHEETAH,
     HOPPER,
     WALKER,
@@ -25,15 +24,13 @@ from pga_me_ros.tasks.robots import (
     build_spec,
 )
 from pga_me_ros.tasks.spec import TaskSpec
-from pga_me_ros.tasks.sums import pairwise_sum, threshold_after_rounding
+from pga_me_ros.tasks.sums import Float32Means, threshold_after_rounding
 from pga_me_ros.tasks.world import World
-
-TARGET_X = 1000.0
-"""Where the robot is to run to along x, m; y is 0. Far enough that progress is speed along x."""
 
 ELECTRICITY_COST = -2.0
 STALL_TORQUE_COST = -0.1
 JOINT_AT_LIMIT_COST = -0.1
+
 INITIAL_SPREAD = 0.1
 """Initial joint positions are uniform within this angle of 0, rad."""
 
@@ -41,15 +38,18 @@ _AT_LIMIT = threshold_after_rounding(0.99)
 _OBSERVATION_LIMIT = 5.0
 _JOINT_OFFSET = 8
 
+Quaternion = tuple[float, float, float, float]
+
 
 class LocomotionTask:
-    """A robot that runs along x; see `pga_me_ros.tasks.protocol.Task` for the methods' contract.
+    """A robot that runs along x; `pga_me_ros.tasks.protocol.Task` has the methods' contract.
 
-    Reward of a step: alive bonus (+1, else -1) + speed towards the target, m/s, - 2 × mean abs(action × 0.1 × joint
-    speed) - 0.1 × mean(action²) - 0.1 × joints at a limit. The position that counts is the mean over all parts of the
-    robot and the floor, which stands still at the origin.
+    Reward of a step: alive bonus (+1, else -1), plus the speed towards the target in m/s, minus
+    2 mean(abs(0.1 joint speed * action)), minus 0.1 mean(action²), minus 0.1 per joint at a limit.
+    The position that counts is the mean over the parts of the robot and the floor.
 
-    Descriptor: share of the episode's steps after which each foot touched the floor (0 before the first step).
+    Descriptor: share of the episode's steps after which each foot touched the floor; 0 before the
+    first step.
 
     Args:
         render: Whether to open PyBullet's window.
@@ -60,8 +60,11 @@ class LocomotionTask:
 
     spec: ClassVar[TaskSpec]
     robot: ClassVar[Robot]
+    _diverged: bool
+    _joints_at_limit: int
 
     def __init__(self, *, render: bool = False) -> None:
+        """Open a world and begin an episode, so that every method may be called at once."""
         import pybullet
 
         self._pybullet = pybullet
@@ -71,10 +74,8 @@ class LocomotionTask:
         self._feet = tuple(contacts.index(foot) for foot in self.robot.feet)
         self._bruising = tuple(contacts.index(link) for link in self.robot.bruising_links)
         self._joint_end = _JOINT_OFFSET + 2 * len(self._torque_scales)
-        self._rotation = np.zeros((3, 3))
-        self._rotation[2, 2] = 1.0
-        self._angles = np.zeros(2)
-        self._offset = np.zeros(2)
+        self._heading = Heading()
+        self._float32_means = Float32Means(len(self._torque_scales))
         self._open_world()
         self.reset(np.random.Generator(np.random.PCG64(0)))
 
@@ -95,14 +96,15 @@ class LocomotionTask:
         self._touching = [0.0] * len(self.robot.contact_links)
         self._contact_steps = [0.0] * len(self._feet)
         self._steps = 0
-        self._initial_height: float | None = None
+        self._initial_height = self._torso()[0][2]
         return _clip(np.array(self._measure(), np.float32))
 
     def step(self, action: Float32Array) -> tuple[Float32Array, float, bool]:
         """Apply torques for one control period of 16.5 ms.
 
         Args:
-            action: (action_dim,) float32 array; torques are limited to those of ±1, the electricity is not.
+            action: (action_dim,) float32 array; the torques are limited to those of ±1, the cost of
+                electricity is not.
 
         Returns:
             Observation, (observation_dim,) float32 within ±5; reward; whether the robot fell.
@@ -126,12 +128,12 @@ class LocomotionTask:
         rounded = observation.tolist()
         electricity = self._electricity(commands, rounded[_JOINT_OFFSET + 1 : self._joint_end : 2])
         if max(rounded) > _OBSERVATION_LIMIT or min(rounded) < -_OBSERVATION_LIMIT:
-            _clip(observation)
-        alive = self._is_alive(observation.item(0))
+            rounded = _clip(observation).tolist()
+        alive = self._is_alive(rounded[0])
         self._read_contacts()
+        self._steps += 1
         reward = (1.0 if alive else -1.0) + (self._potential - old_potential)
         reward = reward + electricity + JOINT_AT_LIMIT_COST * self._joints_at_limit
-        self._steps += 1
         self._diverged = not math.isfinite(reward)
         return observation, reward, self._diverged or (self.robot.can_fall and not alive)
 
@@ -147,13 +149,13 @@ class LocomotionTask:
         """Return whether each of ``robot.contact_links`` touches the floor after the last step."""
         return tuple(flag > 0.0 for flag in self._touching)
 
-    def torso_pose(self) -> tuple[tuple[float, float, float], tuple[float, float, float, float]]:
-        """Return the torso's centre of mass, m, and its orientation as a quaternion (x, y, z, w)."""
+    def torso_pose(self) -> tuple[Vector, Quaternion]:
+        """Return the torso's centre of mass, m, and its orientation as quaternion (x, y, z, w)."""
         position, orientation, _ = self._torso()
         return position, orientation
 
     def joint_states(self) -> tuple[list[float], list[float]]:
-        """Return the positions, rad, and velocities, rad/s, of the actuated joints in action order."""
+        """Return positions, rad, and velocities, rad/s, of the actuated joints in action order."""
         world = self._world
         states = self._pybullet.getJointStates(world.robot, world.joints, world.client)
         return [state[0] for state in states], [state[1] for state in states]
@@ -166,10 +168,9 @@ class LocomotionTask:
         world = self._world = World(self.robot, render=self._render)
         self._joint_scales = [(lower, upper - lower) for lower, upper in world.joint_limits]
         self._contact_indices = [world.links[name] for name in self.robot.contact_links]
-        # The mean position adds the torso second: that is where the engine's part list has it.
-        others = [index for index in world.links.values() if index != world.torso]
-        self._part_links = [*others[:1], *([] if world.torso < 0 else [world.torso]), *others[1:]]
-        self._parts = len(others) + 2
+        # The mean position adds the torso second: that is where the engine's list of parts has it.
+        first, *others = (index for index in world.links.values() if index != world.torso)
+        self._part_links = [first, *([] if world.torso < 0 else [world.torso]), *others]
         self._diverged = False
 
     def _torques(self, commands: list[float]) -> list[float]:
@@ -192,15 +193,17 @@ class LocomotionTask:
         return math.copysign(1.0, value)
 
     def _measure(self) -> list[float]:
-        """Read the world after a step; also sets the potential, the pitch and the joints at their limits."""
+        """Read the world after a step.
+
+        Also sets the potential, the pitch and the number of joints at a limit.
+        """
         world, pybullet = self._world, self._pybullet
         joint_states = pybullet.getJointStates(world.robot, world.joints, world.client)
         position, orientation, velocity = self._torso()
         roll, pitch, yaw = pybullet.getEulerFromQuaternion(orientation)
         self._pitch = pitch
-        if self._initial_height is None:
-            self._initial_height = position[2]
-        sine, cosine, forward, left, up = self._head_for_target(position, yaw, velocity)
+        xs, ys = self._part_positions(position)
+        self._potential, (sine, cosine, forward, left, up) = self._heading(xs, ys, yaw, velocity)
         values = [position[2] - self._initial_height, sine, cosine]
         values += (0.3 * forward, 0.3 * left, 0.3 * up, roll, pitch)
         at_limit = 0
@@ -213,8 +216,8 @@ class LocomotionTask:
         values += self._touching
         return values
 
-    def _torso(self) -> tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]:
-        """Return position (m), orientation (quaternion x, y, z, w) and velocity (m/s) of the torso."""
+    def _torso(self) -> tuple[Vector, Quaternion, Vector]:
+        """Return the torso's position (m), orientation (x, y, z, w) and velocity (m/s)."""
         world, pybullet = self._world, self._pybullet
         if world.torso >= 0:
             state = pybullet.getLinkState(world.robot, world.torso, 1, 0, world.client)
@@ -222,10 +225,8 @@ class LocomotionTask:
         position, orientation = pybullet.getBasePositionAndOrientation(world.robot, world.client)
         return position, orientation, pybullet.getBaseVelocity(world.robot, world.client)[0]
 
-    def _head_for_target(
-        self, torso: tuple[float, ...], yaw: float, velocity: tuple[float, ...]
-    ) -> list[float]:
-        """Set the potential; return sine and cosine of the angle to the target and the velocity turned by -yaw."""
+    def _part_positions(self, torso: Vector) -> tuple[list[float], list[float]]:
+        """Return x and y of the robot's parts, m, in the engine's order."""
         world = self._world
         links = self._pybullet.getLinkStates(world.robot, self._part_links, 0, 0, world.client)
         xs = [link[0][0] for link in links]
@@ -233,42 +234,34 @@ class LocomotionTask:
         if world.torso < 0:
             xs.insert(1, torso[0])
             ys.insert(1, torso[1])
-        # The floor is one more part, at the origin: it adds nothing to the sum but counts in the mean.
-        ahead = TARGET_X - pairwise_sum(xs) / self._parts
-        if yaw == 0.0 and ahead > 0.0 and not any(ys):
-            # A planar robot on its line: what follows below would give these very numbers.
-            self._potential = -ahead / CONTROL_PERIOD
-            return [0.0, 1.0, velocity[0] + 0.0, velocity[1] + 0.0, velocity[2] + 0.0]
-        offset, angles, rotation = self._offset, self._angles, self._rotation
-        offset[0], offset[1] = 0.0 - pairwise_sum(ys) / self._parts, ahead
-        self._potential = -math.sqrt(offset.dot(offset)) / CONTROL_PERIOD
-        angles[0], angles[1] = np.arctan2(offset[0], ahead) - yaw, -yaw
-        sine, sine_yaw = np.sin(angles).tolist()
-        cosine, cosine_yaw = np.cos(angles).tolist()
-        rotation[0, 0] = rotation[1, 1] = cosine_yaw
-        rotation[0, 1], rotation[1, 0] = -sine_yaw, sine_yaw
-        return [sine, cosine, *np.dot(rotation, velocity).tolist()]
+        return xs, ys
 
     def _electricity(self, commands: list[float], speeds: list[float]) -> float:
-        """Return the cost of driving the motors, products and means rounded to float32 as the engine does.
+        """Return the cost of driving the motors, both means in float32 as the engine takes them.
 
         Args:
-            commands: The action; float32 values, so that a product in float64 is exact until it is rounded.
-            speeds: 0.1 × joint velocities; float32 values.
+            commands: The action; float32 values, so that products in float64 are exact.
+            speeds: 0.1 joint velocity, rad/s; float32 values.
         """
         power = [abs(command * speed) for command, speed in zip(commands, speeds, strict=True)]
         stall = [command * command for command in commands]
-        sums = np.add.reduce(np.array((power, stall), np.float32), axis=1)
-        power_mean, stall_mean = (sums / np.float32(len(commands))).tolist()
+        try:
+            power_mean, stall_mean = self._float32_means(power, stall)
+        except OverflowError:  # beyond float32, where the engine's means are infinite
+            return -math.inf
         return ELECTRICITY_COST * power_mean + STALL_TORQUE_COST * stall_mean
 
     def _is_alive(self, rise: float) -> bool:
-        """Whether the robot stands: `rise` is the observed height; contacts are those before this step."""
+        """Whether the robot stands upright; contacts are those before this step.
+
+        Args:
+            rise: Observed height above the start, m.
+        """
         robot = self.robot
         if robot.max_pitch is not None and not abs(self._pitch) < robot.max_pitch:
             return False
         if robot.min_height is not None:
-            return rise + self._initial_height > robot.min_height  # type: ignore[operator]
+            return rise + self._initial_height > robot.min_height
         return not any(self._touching[index] for index in self._bruising)
 
     def _read_contacts(self) -> None:
@@ -300,7 +293,7 @@ class QDHalfCheetah(LocomotionTask):
 
 
 class QDAnt(LocomotionTask):
-    """A quadruped; the descriptor is (front left, front right, back left, back right)."""
+    """A quadruped; the descriptor is (front left, front right, back left, back right foot)."""
 
     robot = ANT
     spec = build_spec("qd_ant", ANT, 1296, (6, 6, 6, 6))

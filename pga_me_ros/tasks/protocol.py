@@ -1,7 +1,8 @@
 """The task protocol: what a simulated robot must offer so that a repertoire can be grown for it.
 
-To add a robot, write a class with these five methods and a `spec`, name it ``my_package.my_module:MyTask`` wherever a
-task is asked for, and let `pga_me_ros.tasks.check.check_task` say what is wrong with it. No base class is needed.
+To add a robot, write a class with these five methods and a `spec`, name it
+``my_package.my_module:MyTask`` wherever a task is asked for, and let
+`pga_me_ros.tasks.check.check_task` say what is wrong with it. No base class is needed.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ __all__ += ["Task", "TaskSpec"]
 
 
 class NonFiniteActionError(TaskError):
-    """An action holds NaN or infinity; it was not applied, and the next reset starts a sound episode."""
+    """An action holds NaN or infinity; it was not applied, and the task stays sound."""
 
 
 class DivergedError(TaskError):
@@ -33,10 +34,12 @@ class Task(Protocol):
     """A simulated robot with a fitness and a behaviour descriptor.
 
     Contract beyond the signatures:
-        * An episode depends on `reset`'s generator and its actions alone, never on what ran before it in the process:
-          equal generators and actions give equal bits in a fresh world and in the thousandth episode.
+        * An episode depends on `reset`'s generator and its actions alone, never on what ran before
+          it in the process: equal generators and actions give equal bits in a fresh world and in
+          the thousandth episode.
         * Random draws come from that generator only.
-        * Modules load without a simulator: import it in ``__init__``, because nodes that never simulate read `spec`.
+        * Modules load without a simulator: import it in ``__init__``, because nodes that never
+          simulate read `spec`.
         * Several tasks may live in one process; each has a world of its own.
     """
 
@@ -68,8 +71,9 @@ class Task(Protocol):
             action: (action_dim,) float32 array.
 
         Returns:
-            The next observation, (observation_dim,) float32; the reward of this step; and whether the robot failed
-            (fell). The time limit is not a failure: whoever counts the steps ends the episode.
+            The next observation, (observation_dim,) float32; the reward of this step; and whether
+            the robot failed (fell). The time limit is not a failure: whoever counts the steps ends
+            the episode.
 
         Raises:
             NonFiniteActionError: The action holds NaN or infinity. The world is left as it was.
@@ -80,7 +84,8 @@ class Task(Protocol):
         """Return the behaviour descriptor of the episode so far.
 
         Returns:
-            (descriptor_dim,) float64 array within ``spec.descriptor_low`` and ``spec.descriptor_high``.
+            (descriptor_dim,) float64 array within ``spec.descriptor_low`` and
+            ``spec.descriptor_high``.
         """
         ...
 

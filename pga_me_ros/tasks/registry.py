@@ -31,8 +31,8 @@ def load_task(name: str) -> type[Task]:
     path = BUILT_IN.get(name, name)
     if ":" not in path:
         raise TaskError(
-            f"unknown task '{name}'{nearest_name(name, BUILT_IN)}; built-in tasks are {', '.join(BUILT_IN)}, "
-            "any other is given as 'module.path:Class'"
+            f"unknown task '{name}'{nearest_name(name, BUILT_IN)}; built-in tasks are "
+            f"{', '.join(BUILT_IN)}, any other is given as 'module.path:Class'"
         )
     task_class = _load_class(name, *path.split(":", 1))
     if not isinstance(getattr(task_class, "spec", None), TaskSpec):
@@ -50,8 +50,9 @@ def _load_class(name: str, module_path: str, class_name: str) -> type[Any]:
         module = importlib.import_module(module_path)
     except Exception as error:  # a user's module may raise anything while it loads
         raise TaskError(
-            f"task '{name}': module '{module_path}' does not load ({type(error).__name__}: {error}); "
-            "check the spelling and that its package is on the Python path"
+            f"task '{name}': module '{module_path}' does not load "
+            f"({type(error).__name__}: {error}); check the spelling and that its package is on "
+            "the Python path"
         ) from error
     task_class = getattr(module, class_name, None)
     if not isinstance(task_class, type):

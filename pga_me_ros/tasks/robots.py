@@ -1,7 +1,7 @@
 """The four robots of the QD locomotion tasks: what differs between them, as data.
 
-Sizes, torques, limits and descriptors follow §4.1 of Nilsson & Cully (2021) as played by the locomotion environments of
-PyBullet that the paper used. Nothing here imports pybullet.
+Sizes, torques, limits and descriptors follow §4.1 of Nilsson & Cully (2021) as played by the
+locomotion environments of PyBullet that the paper used. Nothing here imports pybullet.
 """
 
 from __future__ import annotations
@@ -11,15 +11,26 @@ from dataclasses import dataclass
 from pga_me_ros.tasks.spec import TaskSpec
 
 CONTROL_PERIOD = 0.0165 / 4 * 4
-"""Time between two actions, s; written as the engine's four substeps because that rounds differently from 0.0165."""
+"""Time between two actions, s.
+
+Written with the engine's four substeps, because that rounds differently from 0.0165.
+"""
 
 MAX_STEPS = 1000
 
-_TORSO_NAMES = ("torso/height", "target/sin", "target/cos")
-_TORSO_NAMES += ("torso/velocity_forward", "torso/velocity_left", "torso/velocity_up")
-_TORSO_NAMES += ("torso/roll", "torso/pitch")
-_TORSO_UNITS = ("m above start", "", "", "0.3 m/s", "0.3 m/s", "0.3 m/s", "rad", "rad")
-_JOINT_UNITS = ("1 (-1 lower limit, +1 upper limit)", "0.1 rad/s")
+_TORSO_NAMES = (
+    "torso/height",
+    "target/sin",
+    "target/cos",
+    "torso/velocity_forward",
+    "torso/velocity_left",
+    "torso/velocity_up",
+    "torso/roll",
+    "torso/pitch",
+)
+# "0.3 * (m/s)": the entry is 0.3 times the speed in m/s.
+_TORSO_UNITS = ("m above start", "", "", *3 * ("0.3 * (m/s)",), "rad", "rad")
+_JOINT_UNITS = ("-1 lower limit, +1 upper limit", "0.1 * (rad/s)")
 _CONTACT_UNIT = "1 if touching the floor one step ago, else 0"
 
 
@@ -29,9 +40,12 @@ class Robot:
 
     Attributes:
         model: File below ``mjcf/`` of pybullet_data.
-        torso_is_base: Whether the torso is the free base of the body (Ant) or a link behind slides and a hinge.
-        torques: Torque of each actuated joint at an action of 1, N·m, in the order of the joint indices.
-        contact_links: Links whose contact with the floor is observed, in the order of the observation.
+        torso_is_base: Whether the torso is the free base of the body (Ant) or a link behind slides
+            and a hinge.
+        torques: Torque of each actuated joint at an action of 1, N·m, in the order of the joint
+            indices.
+        contact_links: Links whose contact with the floor is observed, in the order of the
+            observation.
         feet: Links whose share of time on the floor is the behaviour descriptor, in its order.
         min_height: The torso must stay above this height, m; None for no limit.
         max_pitch: The torso's pitch must stay below this angle, rad; None for no limit.
@@ -64,9 +78,7 @@ def build_spec(name: str, robot: Robot, cells: int, bins: tuple[int, ...]) -> Ta
     return TaskSpec(
         name=name,
         observation_names=_TORSO_NAMES + joint_names + tuple(f"{link}/contact" for link in links),
-        observation_units=_TORSO_UNITS
-        + _JOINT_UNITS * len(joints)
-        + (_CONTACT_UNIT,) * len(links),
+        observation_units=_TORSO_UNITS + _JOINT_UNITS * len(joints) + (_CONTACT_UNIT,) * len(links),
         action_names=tuple(f"{joint}/torque" for joint in joints),
         action_units=tuple(f"{torque:g} N·m" for torque in robot.torques.values()),
         action_low=(-1.0,) * len(joints),

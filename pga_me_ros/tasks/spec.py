@@ -85,7 +85,7 @@ class TaskSpec:
         return len(self.descriptor_names)
 
     def to_json(self) -> dict[str, Any]:
-        """Return a dict of strings, numbers and lists that `from_json` turns back into this spec."""
+        """Return strings, numbers and lists by field, which `from_json` turns back into a spec."""
         fields = dataclasses.asdict(self)
         return {
             name: list(value) if isinstance(value, tuple) else value
@@ -111,12 +111,11 @@ class TaskSpec:
         missing = [name for name in known if name not in fields]
         if missing:
             raise TaskError(f"task spec lacks the fields {missing}; write it with TaskSpec.to_json")
-        return cls(
-            **{
-                name: tuple(value) if isinstance(value, list) else value
-                for name, value in fields.items()
-            }
-        )
+        values: dict[str, Any] = {
+            name: tuple(value) if isinstance(value, list) else value
+            for name, value in fields.items()
+        }
+        return cls(**values)
 
     def _length(self, field: str) -> int:
         return len(getattr(self, field))

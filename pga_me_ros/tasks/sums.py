@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
+import struct
 
 import numpy as np
 
+_LAYERS = {width: struct.Struct(f"{width}f") for width in (8, 4, 2)}
+
 
 def pairwise_sum(values: list[float]) -> float:
-    """Return the sum of float64 numbers in the order in which ``numpy.sum`` adds a 1-D array of up to 128.
+    """Return the sum of float64 numbers, added in the order of ``numpy.sum``.
 
     Args:
         values: At most 128 floats; NumPy splits longer arrays.
@@ -41,8 +44,55 @@ def pairwise_sum(values: list[float]) -> float:
     return total
 
 
+class Float32Means:
+    """Means of two lists at once, rounded as by ``numpy.mean`` on float32 arrays of their length.
+
+    Args:
+        count: Length of the lists, 1 to 8, for which NumPy's order of adding is built in.
+
+    Raises:
+        ValueError: `count` is outside 1 to 8.
+    """
+
+    def __init__(self, count: int) -> None:
+        """Prepare the packing for this length."""
+        if not 1 <= count <= 8:
+            raise ValueError(f"Float32Means got count {count}; it knows NumPy's order for 1 to 8")
+        self._count = count
+        # Packing to C floats is the cheapest correct rounding to float32 that Python has.
+        self._all = struct.Struct(f"{2 * count}f")
+        self._pair = struct.Struct("2f")
+
+    def __call__(self, first: list[float], second: list[float]) -> tuple[float, float]:
+        """Return the means of numbers, rounded to float32 before, between and after adding.
+
+        Args:
+            first: `count` numbers.
+            second: `count` numbers.
+
+        Raises:
+            OverflowError: A number or sum is beyond float32.
+        """
+        count, pair = self._count, self._pair
+        values = self._all.unpack(self._all.pack(*first, *second))
+        if count == 8:
+            a, b = self._add_eight(values)
+        else:
+            a, b = values[0], values[count]
+            for i in range(1, count):
+                a, b = pair.unpack(pair.pack(a + values[i], b + values[count + i]))
+        return pair.unpack(pair.pack(a / count, b / count))
+
+    def _add_eight(self, v: tuple[float, ...]) -> tuple[float, float]:
+        """Add pairs, then pairs of pairs: NumPy keeps eight running sums and joins them so."""
+        for width in (8, 4, 2):
+            layer = _LAYERS[width]
+            v = layer.unpack(layer.pack(*(v[i] + v[i + 1] for i in range(0, 2 * width, 2))))
+        return v[0], v[1]
+
+
 def threshold_after_rounding(limit: float) -> float:
-    """Return t such that ``x > t`` in float64 says what ``float32(x) > float32(limit)`` does, for every x.
+    """Return t such that ``x > t`` says what ``float32(x) > float32(limit)`` says, for every x.
 
     Args:
         limit: A positive number.

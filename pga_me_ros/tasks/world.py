@@ -1,9 +1,8 @@
-"""A PyBullet world with a floor and one robot, built call by call as the engine that the paper used builds it."""
+"""A PyBullet world with a floor and one robot, built as PyBullet's own environments build it."""
 
 from __future__ import annotations
 
 import os
-from typing import Any
 
 from pga_me_ros.core.errors import TaskError
 from pga_me_ros.tasks.robots import CONTROL_PERIOD, Robot
@@ -28,10 +27,12 @@ class World:
         render: Whether to open PyBullet's window.
 
     Raises:
-        TaskError: The model in pybullet_data is missing or has other joints than the task describes.
+        TaskError: The model in pybullet_data is missing or has other joints than the task
+            describes.
     """
 
     def __init__(self, robot: Robot, *, render: bool = False) -> None:
+        """Connect, load, and save the state that episodes start from."""
         import pybullet
         import pybullet_data
 
@@ -114,20 +115,21 @@ class World:
             info = self._pybullet.getJointInfo(self.robot, index, self.client)
             name, lower, upper = info[1].decode(), info[8], info[9]
             self.links[info[12].decode()] = index
-            # The model's own names for the robot's freedom to move in the plane, and for welded parts.
+            # The model's own names for the robot's freedom to move in the plane, and for welded
+            # parts.
             if not name.startswith(("ignore", "jointfix")):
                 names.append(name)
                 self.joints.append(index)
                 self.joint_limits.append((lower, upper))
         if names != list(robot.torques):
             raise TaskError(
-                f"{robot.model} in pybullet_data has the joints {names}, expected {list(robot.torques)}; "
-                "install the pybullet version that this package pins"
+                f"{robot.model} in pybullet_data has the joints {names}, "
+                f"expected {list(robot.torques)}; install the pybullet version that is pinned"
             )
         self.torso = -1 if robot.torso_is_base else self.links[TORSO]
 
     def _release_motors(self) -> None:
-        """Take the force from the motors that PyBullet gives every joint, so that only torques drive it."""
+        """Take the force from the motors that PyBullet gives every joint; torques drive it."""
         for index in range(self._pybullet.getNumJoints(self.robot, self.client)):
             self._pybullet.setJointMotorControl2(
                 self.robot,

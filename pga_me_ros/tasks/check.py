@@ -1,0 +1,236 @@
+"""Tell users what is wrong with a task of their own.
+
+``python -m pga_me_ros.tasks.check my_package.my_module:MyTask`` prints every finding; the exit
+status is 1 if there are any.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from pga_me_ros.core.errors import TaskError
+from pga_me_ros.tasks.protocol import NonFiniteActionError
+from pga_me_ros.tasks.registry import load_task
+from pga_me_ros.tasks.rollout import Episode, rollout
+from pga_me_ros.tasks.spec import TaskSpec
+
+_METHODS = ("reset", "step", "descriptor", "close")
+_STEPS = 60
+
+
+def check_task(task_class: Any) -> list[str]:
+    """Run a task through what the protocol asks of it.
+
+    Starts the simulator twice and runs a few short episodes with random and zero actions.
+
+    Args:
+        task_class: A class that follows `pga_me_ros.tasks.protocol.Task`.
+
+    Returns:
+        One sentence per finding, empty if there are none.
+    """
+    findings = _check_class(task_class)
+    if findings:
+        return findings
+    task, finding = _attempt("__init__()", task_class)
+    if task is None:
+        return [finding]
+    try:
+        findings = _check_first_steps(task)
+        if not findings:
+            findings = _check_episodes(task, task_class)
+        if not findings:
+            findings = _check_non_finite_actions(task)
+    finally:
+        findings += _check_close(task)
+    return findings
+
+
+def _check_class(task_class: Any) -> list[str]:
+    if not isinstance(task_class, type):
+        return [f"{task_class!r} is not a class; pass the class itself, not an instance"]
+    findings = []
+    if not isinstance(getattr(task_class, "spec", None), TaskSpec):
+        findings.append(
+            "class attribute 'spec' is missing or no TaskSpec; build one and assign it in the class"
+        )
+    for name in _METHODS:
+        if not callable(getattr(task_class, name, None)):
+            findings.append(f"method '{name}' is missing; see pga_me_ros.tasks.protocol.Task")
+    return findings
+
+
+def _check_first_steps(task: Any) -> list[str]:
+    """Check the types, shapes and ranges of what each method gives."""
+    spec: TaskSpec = task.spec
+    observation, finding = _attempt("reset(rng)", lambda: task.reset(_rng(0)))
+    if finding:
+        return [finding]
+    findings = _check_array("reset's observation", observation, spec.observation_dim, np.float32)
+    result, finding = _attempt(
+        "step(action)", lambda: task.step(np.zeros(spec.action_dim, np.float32))
+    )
+    if finding:
+        return [*findings, finding]
+    if not isinstance(result, tuple) or len(result) != 3:
+        return [*findings, f"step returned {result!r}; expected (observation, reward, terminated)"]
+    observation, reward, terminated = result
+    findings += _check_array("step's observation", observation, spec.observation_dim, np.float32)
+    if type(reward) is not float:
+        findings.append(
+            f"step's reward is {type(reward).__name__}; expected float: convert with float()"
+        )
+    if type(terminated) is not bool:
+        findings.append(
+            f"step's terminated is {type(terminated).__name__}; expected bool: convert with bool()"
+        )
+    descriptor, finding = _attempt("descriptor()", task.descriptor)
+    if finding:
+        return [*findings, finding]
+    return findings + _check_descriptor(spec, descriptor)
+
+
+def _check_array(what: str, array: Any, length: int, dtype: type[Any]) -> list[str]:
+    expected = f"expected a finite ({length},) {np.dtype(dtype)} array"
+    if not isinstance(array, np.ndarray):
+        return [f"{what} is {type(array).__name__}; {expected}"]
+    if array.shape != (length,) or array.dtype != dtype:
+        return [f"{what} has shape {array.shape} and dtype {array.dtype}; {expected}"]
+    if not np.isfinite(array).all():
+        return [f"{what} holds NaN or infinity; {expected}"]
+    return []
+
+
+def _check_descriptor(spec: TaskSpec, descriptor: Any) -> list[str]:
+    findings = _check_array("descriptor()", descriptor, spec.descriptor_dim, np.float64)
+    if findings:
+        return findings
+    for name, value, low, high in zip(
+        spec.descriptor_names, descriptor, spec.descriptor_low, spec.descriptor_high, strict=True
+    ):
+        if not low <= value <= high:
+            findings.append(f"descriptor '{name}' is {value}; the spec says {low} to {high}")
+    return findings
+
+
+def _check_episodes(task: Any, task_class: type[Any]) -> list[str]:
+    """Run equal episodes in a used world and in a fresh one; they must be equal bit for bit."""
+    runs: dict[str, Episode] = {}
+    for name, seed in (("first", 1), ("other", 2), ("zero", 3), ("again", 1)):
+        episode, finding = _attempt("an episode", partial(_episode, task, seed))
+        if episode is None:
+            return [finding]
+        runs[name] = episode
+    findings = _check_descriptor(task.spec, runs["other"].descriptor)
+    if not _equal(runs["first"], runs["again"]):
+        findings.append(
+            "equal generators and actions gave different episodes after others had run; let reset "
+            "restore everything and draw from its rng alone"
+        )
+    fresh, finding = _attempt("a second __init__()", task_class)
+    if fresh is None:
+        return [*findings, finding]
+    try:
+        episode, finding = _attempt("an episode of a second task", lambda: _episode(fresh, 1))
+        if episode is None:
+            findings.append(finding)
+        elif not _equal(runs["first"], episode):
+            findings.append(
+                "equal generators and actions gave different episodes in two tasks of one process; "
+                "share no state between them and draw no randomness outside reset's rng"
+            )
+    finally:
+        findings += _check_close(fresh)
+    return findings
+
+
+def _episode(task: Any, seed: int) -> Episode:
+    spec: TaskSpec = task.spec
+    actions = _rng(100 + seed)
+    low, high = np.array(spec.action_low), np.array(spec.action_high)
+    amplitude = 0.0 if seed == 3 else 1.0
+
+    def controller(_: Any) -> Any:
+        return (amplitude * actions.uniform(low, high)).astype(np.float32)
+
+    return rollout(task, controller, _rng(seed), min(spec.max_steps, _STEPS))
+
+
+def _equal(one: Episode, other: Episode) -> bool:
+    arrays = ("states", "actions", "rewards", "descriptor")
+    return (one.fitness, one.terminated) == (other.fitness, other.terminated) and all(
+        np.array_equal(getattr(one, name), getattr(other, name)) for name in arrays
+    )
+
+
+def _check_non_finite_actions(task: Any) -> list[str]:
+    """A controller that has diverged must be told so, and must not spoil what comes after."""
+    before = _episode(task, 1)
+    task.reset(_rng(4))
+    try:
+        task.step(np.full(task.spec.action_dim, np.nan, np.float32))
+    except NonFiniteActionError:
+        pass
+    except Exception as error:
+        return [f"step with a NaN action raised {_text(error)}; raise NonFiniteActionError"]
+    else:
+        return [
+            "step accepted an action of NaN; raise NonFiniteActionError, leave the world as it is"
+        ]
+    after, finding = _attempt("an episode after a NaN action", lambda: _episode(task, 1))
+    if after is None:
+        return [finding]
+    return [] if _equal(before, after) else ["a NaN action changed the episodes after it"]
+
+
+def _check_close(task: Any) -> list[str]:
+    findings = []
+    for call in ("close()", "a second close()"):
+        _, finding = _attempt(call, task.close)
+        if finding:
+            findings.append(finding)
+    return findings
+
+
+def _attempt(what: str, call: Callable[[], Any]) -> tuple[Any, str]:
+    """Return what a call gives and "", or None and a finding: a user's task may raise anything."""
+    try:
+        return call(), ""
+    except Exception as error:
+        return None, f"{what} raised {_text(error)}"
+
+
+def _text(error: Exception) -> str:
+    return f"{type(error).__name__}: {error}"
+
+
+def _rng(seed: int) -> np.random.Generator:
+    return np.random.Generator(np.random.PCG64(seed))
+
+
+def main(arguments: list[str]) -> int:
+    """Check the tasks that are named on the command line and print what is wrong with them."""
+    if not arguments:
+        print(
+            "usage: python -m pga_me_ros.tasks.check TASK ...  (built-in name or module.path:Class)"
+        )
+        return 2
+    status = 0
+    for name in arguments:
+        try:
+            findings = check_task(load_task(name))
+        except TaskError as error:
+            findings = [str(error)]
+        for finding in findings or ["follows the task protocol"]:
+            print(f"{name}: {finding}")
+        status = max(status, bool(findings))
+    return status
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
