@@ -1,4 +1,7 @@
-"""Critic training: TRAIN_CRITIC, Alg. 4 and Eq. 5 of Nilsson & Cully (2021), after TD3 (Fujimoto et al. 2018)."""
+"""Critic training: TRAIN_CRITIC, Alg. 4 and Eq. 5 of Nilsson & Cully (2021).
+
+It is TD3 (Fujimoto et al. 2018) with a greedy controller in the place of the actor.
+"""
 
 from __future__ import annotations
 
@@ -59,28 +62,26 @@ class CriticTrainer:
         self._greedy_target = self._stack(greedy, greedy=True)
         # Q1 alone, on the same memory: the critic that controllers follow.
         rows = settings.transition_batch
-        self._critic1 = MlpStack(
-            self.critic_shape, self._critics.parameters[:1], rows, tanh=False
-        )
+        self._critic1 = MlpStack(self.critic_shape, self._critics.parameters[:1], rows, tanh=False)
         self._critic_adam = FlatAdam(self._critics.parameters)
         self._greedy_adam = FlatAdam(self._greedy.parameters)
         self._batch = np.empty((rows, 2 * self.obs_dim + self.act_dim + 2), np.float32)
         self._critic_input = self._zeros(1, rows, self.obs_dim + self.act_dim)
         self._action_gradient = self._zeros(1, rows, self.act_dim)
 
-    def train(
-        self, replay: ReplayBuffer, settings: Settings, generation: int
-    ) -> dict[str, float]:
+    def train(self, replay: ReplayBuffer, settings: Settings, generation: int) -> dict[str, float]:
         """Train for n_crit steps: Alg. 4.
 
         Args:
             replay: Transitions to draw from.
-            settings: Those of the run with the rates that hold now; only rates may differ from the first.
+            settings: Those of the run with the rates that hold now; only rates may differ from the
+                first.
             generation: Number of the generation, from which all draws follow.
 
         Returns:
-            Means over the steps: 'critic_loss', 'mean_q' (of Q1 on the batch) and 'greedy_objective' (mean Q1 of the
-            greedy controller's actions, NaN if it was not updated).
+            Means over the steps: 'critic_loss', 'mean_q' (of Q1 on the batch) and
+            'greedy_objective' (mean Q1 of the greedy controller's actions, NaN if it was not
+            updated).
 
         Raises:
             PgaError: The replay buffer is empty.
@@ -140,7 +141,10 @@ class CriticTrainer:
     def _update_critics(
         self, batch: Tensor, y: Tensor, rates: Settings, loss: Tensor, value: Tensor
     ) -> None:
-        """Descend the mean squared error of both critics (Alg. 4, line 6); add to the sums of loss and Q1."""
+        """Descend the mean squared error of both critics (Alg. 4, line 6).
+
+        Adds to the sums of loss and of mean Q1.
+        """
         inputs = batch[:, : self.obs_dim + self.act_dim]
         q = self._critics.forward(inputs)
         value += q[0].mean()
@@ -150,7 +154,7 @@ class CriticTrainer:
         self._critic_adam.step(self._critics.gradient, rates.critic_learning_rate)
 
     def _update_greedy(self, batch: Tensor, rates: Settings, objective: Tensor) -> None:
-        """Ascend mean Q1(s, pi(s)) of the greedy controller (Alg. 4, lines 8-9); add to the sum of it."""
+        """Ascend mean Q1(s, pi(s)) of the greedy controller (Alg. 4, lines 8-9); add to its sum."""
         states = batch[:, : self.obs_dim]
         self._critic_input[0, :, : self.obs_dim] = states
         self._critic_input[:, :, self.obs_dim :] = self._greedy.forward(states)
@@ -175,7 +179,7 @@ class CriticTrainer:
         return self._critics.parameters[index].cpu().numpy().copy()
 
     def set_greedy(self, parameters: Vector) -> None:
-        """Start the greedy controller from given parameters, its target with it (setting greedy_init 'best').
+        """Start the greedy controller and its target from given parameters (greedy_init 'best').
 
         Args:
             parameters: (P,) float32 of a controller.
@@ -196,7 +200,8 @@ class CriticTrainer:
         """Continue from what `state` returned, bit for bit.
 
         Raises:
-            StorageError: Arrays are missing or belong to other layer sizes; nothing is changed then.
+            StorageError: Arrays are missing or belong to other layer sizes; nothing is changed
+                then.
         """
         tensors = self._state_tensors()
         for name, tensor in tensors.items():

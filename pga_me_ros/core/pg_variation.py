@@ -31,20 +31,20 @@ def pg_variation(
 ) -> Float32Array:
     """Return one offspring per parent: n_grad Adam steps up the mean of Q1(s, pi(s)) (Eq. 1).
 
-    On a CPU an offspring depends on nothing but its parent, the critic, its states and `threads`: it is bit for bit the
-    same alone, in any batch, and with any number of workers.
+    On a CPU an offspring depends on nothing but its parent, the critic, its states and `threads`:
+    it is bit for bit the same alone, in any batch, and with any number of workers.
 
     Args:
         parents: (n, P) float32 controllers.
         critic: (P_critic,) float32, Q1; it stays as it is.
-        states: (n_grad, N, obs_dim) float32 batches shared by all offspring, or (n, n_grad, N, obs_dim) with own
-            batches for each (setting pg_batches).
+        states: (n_grad, N, obs_dim) float32 batches shared by all offspring, or (n, n_grad, N,
+            obs_dim) with own batches for each (setting pg_batches).
         learning_rate: Adam's; each offspring starts with fresh moments.
         controller_shape: Layers of the controllers.
         critic_shape: Layers of the critic.
         threads: Threads of each matrix product (setting torch_threads); the last bits depend on it.
-        workers: Offspring computed at a time, each on a thread of its own; a matter of speed alone. Not used on a GPU,
-            which computes all offspring at once.
+        workers: Offspring computed at a time, each on a thread of its own; a matter of speed alone.
+            Not used on a GPU, which computes all offspring at once.
         device: 'cpu', 'auto' (a GPU if torch finds one), or another torch device.
 
     Returns:
@@ -60,7 +60,8 @@ def pg_variation(
     if not len(parents):
         return offspring
     own = states.ndim == 4
-    # A CPU is fastest with one offspring at a time, whose activations stay in its cache; a GPU with all at once.
+    # A CPU is fastest with one offspring at a time, whose activations stay in its cache; a GPU with
+    # all at once.
     size = 1 if problem.device.type == "cpu" else len(parents)
     chunks = [slice(i, i + size) for i in range(0, len(parents), size)]
 
@@ -92,8 +93,9 @@ class _Problem:
 class _Climber:
     """E offspring under way, with the memory for it.
 
-    Each chunk of parents is copied to the same place: a matrix product may round otherwise at another alignment, so
-    rows of a larger array would not give the same bits as the same offspring alone.
+    Each chunk of parents is copied to the same place: a matrix product may round otherwise at
+    another alignment, so rows of a larger array would not give the same bits as the same offspring
+    alone.
     """
 
     def __init__(self, problem: _Problem, critic: Vector, size: int, rows: int) -> None:

@@ -1,8 +1,9 @@
 """Controllers: multi-layer perceptrons kept as one flat float32 vector, run with NumPy alone.
 
-The flat layout is the one that messages and the repertoire file carry: for each layer from input to output, the weights
-(n_out, n_in) in row-major order, then the biases (n_out,). Hidden layers are rectified (max(0, x)); the output of a
-controller goes through tanh, that of a critic is linear. Robots run a controller with this file and NumPy, nothing else.
+The flat layout is the one that messages and the repertoire file carry: for each layer from input to
+output, the weights (n_out, n_in) in row-major order, then the biases (n_out,). Hidden layers are
+rectified (max(0, x)); the output of a controller goes through tanh, that of a critic is linear.
+Robots run a controller with this file and NumPy, nothing else.
 """
 
 from __future__ import annotations
@@ -90,7 +91,7 @@ class MlpShape:
         return tuple(tensors)
 
     def layers(self, parameters: Vector) -> list[tuple[Vector, Vector]]:
-        """Return views (weights (n_out, n_in), biases (n_out,)) of a flat vector, input layer first."""
+        """Return (weights (n_out, n_in), biases (n_out,)) per layer: views of a flat vector."""
         views = [parameters[t.span].reshape(t.shape) for t in self.slices()]
         return list(zip(views[::2], views[1::2], strict=True))
 
@@ -129,14 +130,15 @@ def critic_shape(spec: RobotDimensions, settings: Settings) -> MlpShape:
 
 
 def random_parameters(shape: MlpShape, rng: np.random.Generator) -> Vector:
-    """Draw a random controller (`random_solutions`, Alg. 3, Nilsson & Cully 2021; distribution as coded).
+    """Draw a random controller (Alg. 3, line 10, Nilsson & Cully 2021; distribution as coded).
 
     Args:
         shape: Layers of the controller.
         rng: Source of the draws.
 
     Returns:
-        (P,) float32: weights uniform within ±sqrt(6 / (n_in + n_out)) (Xavier), biases within ±1 / sqrt(n_in).
+        (P,) float32: weights uniform within ±sqrt(6 / (n_in + n_out)) (Xavier), biases within ±1 /
+        sqrt(n_in).
     """
     return _uniform(shape, rng, lambda n_in, n_out: math.sqrt(6.0 / (n_in + n_out)))
 
@@ -183,8 +185,9 @@ class Controller:
         """Copy the parameters into the layout that runs fastest."""
         shape.check(parameters)
         self.shape = shape
-        # Each layer is one vector-matrix product: the bias is the last row of the matrix and meets a constant one
-        # at the end of the layer's input. That takes half the time of separate products and additions.
+        # Each layer is one vector-matrix product: the bias is the last row of the matrix and meets
+        # a constant one at the end of the layer's input. That takes half the time of separate
+        # products and additions.
         self._matrices = [np.vstack((w.T, b)) for w, b in shape.layers(parameters)]
         self._signals = [np.ones(n + 1, np.float32) for n in shape.sizes[:-1]]
         self._observation = self._signals[0][:-1]

@@ -14,8 +14,8 @@ Indices = NDArray[np.int64]
 class ReplayBuffer:
     """The newest transitions, oldest first by index.
 
-    A row is [state, action, next state, reward, not_done], so that a training batch is one gather from memory. Memory is
-    reserved at once but taken from the machine only as rows are written.
+    A row is [state, action, next state, reward, not_done], so that a training batch is one gather
+    from memory. Memory is reserved at once but taken from the machine only as rows are written.
 
     Args:
         capacity: Transitions kept; older ones are overwritten.
@@ -57,15 +57,16 @@ class ReplayBuffer:
     ) -> None:
         """Add the T transitions of one episode in their order.
 
-        not_done is 0 in the last row of an episode that ended by a fall before the time limit, and 1 elsewhere: at the
-        time limit the value goes on (as coded by the authors).
+        not_done is 0 in the last row of an episode that ended by a fall before the time limit, and
+        1 elsewhere: at the time limit the value goes on (as coded by the authors).
 
         Args:
             states: (T + 1, obs_dim) float32, the first observation to the last.
             actions: (T, act_dim) float32.
             rewards: (T,) float32.
             terminated: Whether the task ended the episode (a fall), rather than the time limit.
-            max_steps: Time limit in steps; a fall in that very step counts as the limit. None for no limit.
+            max_steps: Time limit in steps; a fall in that very step counts as the limit. None for
+                no limit.
 
         Raises:
             PgaError: The arrays do not belong to one episode of this robot.
@@ -75,8 +76,8 @@ class ReplayBuffer:
         got = (np.shape(states), np.shape(actions), np.shape(rewards))
         if got != expected:
             raise PgaError(
-                f"Episode arrays (states, actions, rewards) have shapes {got}, expected {expected}; "
-                "an episode of T steps has T + 1 states."
+                f"Episode arrays (states, actions, rewards) have shapes {got}, "
+                f"expected {expected}; an episode of T steps has T + 1 states."
             )
         rows = np.empty((steps, self.width), np.float32)
         n_s, n_a = self.obs_dim, self.act_dim
@@ -123,8 +124,8 @@ class ReplayBuffer:
         Returns:
             (n, width) float32, a copy.
         """
-        # Indices count from the oldest row, wherever it lies in the ring: a buffer that was saved and read back gives
-        # the same batches although its ring starts elsewhere.
+        # Indices count from the oldest row, wherever it lies in the ring: a buffer that was saved
+        # and read back gives the same batches although its ring starts elsewhere.
         return np.take(self._ring, indices + self._oldest, axis=0, out=out, mode="wrap")
 
     def state_batches(self, rng: np.random.Generator, n_batches: int, n: int) -> Rows:
@@ -157,8 +158,8 @@ class ReplayBuffer:
         fits = rows.ndim == 2 and rows.shape[1] == self.width and len(rows) <= self.capacity
         if not fits or rows.dtype != np.float32 or total_added < len(rows):
             raise StorageError(
-                f"Saved replay rows are {rows.dtype} {rows.shape} of {total_added} ever added; this "
-                f"buffer holds at most {self.capacity} float32 rows of {self.width} numbers. "
+                f"Saved replay rows are {rows.dtype} {rows.shape} of {total_added} ever added; "
+                f"this buffer holds at most {self.capacity} float32 rows of {self.width} numbers. "
                 "Resume with the task and replay_size that the run was started with."
             )
         self._ring[: len(rows)] = rows

@@ -1,8 +1,9 @@
 """Perceptrons on flat torch tensors with hand-written gradients, several of one shape at a time.
 
-The critics, the greedy controller and PG variation spend all their time in a dozen matrix products per step. Autograd
-adds a third to that: it makes new tensors each time and computes gradients that nobody asked for (those of the critic
-when a controller follows it). Here the products write to buffers that stay, and each caller asks for what it needs.
+The critics, the greedy controller and PG variation spend all their time in a dozen matrix products
+per step. Autograd adds nearly half to that: it makes new tensors each time and computes gradients
+that nobody asked for (those of the critic when a controller follows it). Here the products write to
+buffers that stay, and each caller asks for what it needs.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ ADAM_EPSILON = 1e-8
 
 @contextmanager
 def torch_threads(threads: int) -> Iterator[None]:
-    """Compute with so many threads within the block: the order of sums, and so the last bits, depends on it."""
+    """Compute with so many threads within the block; the last bits of a sum depend on it."""
     before = torch.get_num_threads()
     torch.set_num_threads(threads)
     try:
@@ -37,7 +38,8 @@ def choose_device(device: str) -> torch.device:
     """Return the torch device of a name.
 
     Args:
-        device: 'auto' takes a GPU if torch finds one, else the CPU; any other name is torch's own, such as 'cpu'.
+        device: 'auto' takes a GPU if torch finds one, else the CPU; any other name is torch's own,
+            such as 'cpu'.
 
     Raises:
         SettingsError: torch does not know the device or cannot use it here.
@@ -57,11 +59,13 @@ def choose_device(device: str) -> torch.device:
 class MlpStack:
     """E perceptrons of one shape on a flat parameter tensor, for batches of N inputs.
 
-    `forward` and `backward` write to buffers of the stack: what they return holds until the next call.
+    `forward` and `backward` write to buffers of the stack: what they return holds until the next
+    call.
 
     Args:
         shape: Layers of each network.
-        parameters: (E, P) float32; the networks read it in place, so whoever changes it changes them.
+        parameters: (E, P) float32; the networks read it in place, so whoever changes it changes
+            them.
         rows: N, inputs per batch.
         tanh: Whether the output goes through tanh (controllers) or is linear (critics).
     """
@@ -108,7 +112,7 @@ class MlpStack:
                 delta = self._delta_below(layer, delta)
 
     def input_gradient(self, output_gradient: Tensor, first: int, out: Tensor) -> Tensor:
-        """Return the derivative by the inputs from column `first` on; no gradient of the parameters.
+        """Return the derivative by the inputs from column `first` on, and no other.
 
         Args:
             output_gradient: (E or 1, N, n_out), derivative of the objective by the outputs.
@@ -130,7 +134,8 @@ class MlpStack:
     def _delta_below(self, layer: int, delta: Tensor) -> Tensor:
         below = self._deltas[layer - 1]
         torch.bmm(delta, self._weights[layer], out=below)
-        # The rectifier's own backward kernel: masking with a comparison takes ten times as long on a CPU.
+        # The rectifier's own backward kernel: masking with a comparison takes ten times as long on
+        # a CPU.
         return torch.ops.aten.threshold_backward.grad_input(
             below, self._signals[layer - 1], 0.0, grad_input=below
         )
@@ -147,8 +152,8 @@ def _layer_views(shape: MlpShape, flat: Tensor) -> tuple[list[Tensor], list[Tens
 class FlatAdam:
     """Adam (Kingma & Ba 2015) with its usual constants on one parameter tensor.
 
-    torch's fused kernel through its functional interface: the optimiser classes import torch's compiler, which takes
-    seconds and a hundred megabytes.
+    torch's fused kernel through its functional interface: the optimiser classes import torch's
+    compiler, which takes seconds and a hundred megabytes.
 
     Args:
         parameters: Tensor that `step` changes in place.

@@ -26,8 +26,8 @@ def ga_variation(
         line_sigma: sigma_2, standard deviation of the step along the line.
         rng: Source of the draws.
         shape: Layers of the controllers.
-        line_noise: 'scalar' draws one step along the line (paper), 'tensor' one for each weight and bias tensor (as
-            coded by the authors).
+        line_noise: 'scalar' draws one step along the line (paper), 'tensor' one for each weight and
+            bias tensor (as coded by the authors).
 
     Returns:
         (P,) float32 offspring.

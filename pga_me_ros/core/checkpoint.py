@@ -1,7 +1,8 @@
 """Checkpoint files: named arrays and some JSON in one file that is whole or refused.
 
-Layout: 8 bytes of magic, the length of the header as a little-endian uint64, the header in JSON, the arrays one after
-the other (each starting at a multiple of 64 bytes), and the SHA-256 of everything before it. Nothing is ever unpickled.
+Layout: 8 bytes of magic, the length of the header as a little-endian uint64, the header in JSON,
+the arrays one after the other (each starting at a multiple of 64 bytes), and the SHA-256 of
+everything before it. Nothing is ever unpickled.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ PLAIN_KINDS = "biuf"
 
 
 def save_checkpoint(path: str | Path, arrays: Mapping[str, Array], meta: Mapping[str, Any]) -> None:
-    """Write a checkpoint in the place of an older one: after a crash, the one or the other is there, and whole.
+    """Write a checkpoint in the place of an older one; a crash leaves one of the two, whole.
 
     Args:
         path: File to write.
@@ -37,7 +38,8 @@ def save_checkpoint(path: str | Path, arrays: Mapping[str, Array], meta: Mapping
         meta: What JSON can hold.
 
     Raises:
-        StorageError: The file cannot be written, or an array or `meta` is of a kind that it cannot hold.
+        StorageError: The file cannot be written, or an array or `meta` is of a kind that it cannot
+            hold.
     """
     path = Path(path)
     plain = {name: np.ascontiguousarray(array) for name, array in arrays.items()}
@@ -68,7 +70,8 @@ def load_checkpoint(path: str | Path) -> tuple[dict[str, Array], dict[str, Any]]
         The arrays by name, writable, and the meta data.
 
     Raises:
-        StorageError: The file cannot be read, is no checkpoint, or is damaged; the message names it.
+        StorageError: The file cannot be read, is no checkpoint, or is damaged; the message names
+            it.
     """
     path = Path(path)
     content = _read(path)
@@ -126,7 +129,8 @@ def _write_content(file: BinaryIO, header: bytes, plain: Mapping[str, Array]) ->
     for array in plain.values():
         write(bytes(_aligned(position) - position))
         write(array.reshape(-1).view(np.uint8).data)
-    # The next array's padding, so that a reader finds every array at an aligned place, the end included.
+    # The next array's padding, so that a reader finds every array at an aligned place, the end
+    # included.
     write(bytes(_aligned(position) - position))
     file.write(digest.digest())
 
