@@ -25,7 +25,7 @@ class RunInfo:
     Attributes:
         run_id: UUID of the run.
         settings: `Settings.to_dict()` of its first start; each generation has its rates.
-        task: `TaskSpec.to_json()`: names, units and limits of observations, actions and descriptors.
+        task: `TaskSpec.to_json()`: names, units, limits of observations, actions, descriptors.
         layer_sizes: Sizes of the controllers' layers, from observation to action.
         activations: Activation after each layer but the first, for example ``("relu", "tanh")``.
         versions: Versions of the libraries that computed it.

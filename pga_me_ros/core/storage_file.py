@@ -93,7 +93,7 @@ def create_file(path: Path, schema: str) -> sqlite3.Connection:
 
 def _open(path: Path, query: str) -> sqlite3.Connection:
     uri = f"file:{quote(str(path.absolute()))}?{query}"
-    # Transactions are begun and ended by hand; nodes may ask from other threads than they opened in.
+    # Transactions are begun and ended by hand; nodes may use other threads than they opened in.
     return sqlite3.connect(
         uri, uri=True, isolation_level=None, timeout=BUSY_SECONDS, check_same_thread=False
     )
