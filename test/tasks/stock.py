@@ -1,0 +1,37 @@
+"""The oracle: stock pybullet_envs, in the state in which every further episode of its world is alike."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pybullet_envs_gymnasium.gym_locomotion_envs as envs
+
+ENVIRONMENTS: dict[str, Any] = {
+    "qd_walker": envs.Walker2DBulletEnv,
+    "qd_half_cheetah": envs.HalfCheetahBulletEnv,
+    "qd_ant": envs.AntBulletEnv,
+    "qd_hopper": envs.HopperBulletEnv,
+}
+
+
+class StockTask:
+    """Stock environment of a task; its first episode, in which the floor is not yet a part, is spent."""
+
+    def __init__(self, name: str) -> None:
+        self._environment = ENVIRONMENTS[name]()
+        self.reset(np.random.default_rng(0))
+
+    def reset(self, rng: np.random.Generator) -> np.ndarray:
+        self._environment.robot.np_random = rng
+        return self._environment.reset()[0]
+
+    def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool]:
+        observation, reward, terminated, _, _ = self._environment.step(action)
+        return observation, reward, terminated
+
+    def contacts(self) -> tuple[bool, ...]:
+        return tuple(bool(flag) for flag in self._environment.robot.feet_contact)
+
+    def close(self) -> None:
+        self._environment.close()
