@@ -1,4 +1,4 @@
-"""The ROS 2 way: a colcon workspace and a pip installation, each made from a copy of the checkout."""
+"""The ROS 2 way: a colcon workspace and a pip prefix, each made from a copy of the checkout."""
 
 from __future__ import annotations
 
