@@ -1,4 +1,4 @@
-"""The oracle: stock pybullet_envs, in the state in which every further episode of its world is alike."""
+"""The oracle: stock pybullet_envs, from a world's second episode on, after which all are alike."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ ENVIRONMENTS: dict[str, Any] = {
 
 
 class StockTask:
-    """Stock environment of a task; its first episode, in which the floor is not yet a part, is spent."""
+    """Stock environment of a task; its first episode, which leaves out the floor, is spent."""
 
     def __init__(self, name: str) -> None:
         self._environment = ENVIRONMENTS[name]()

@@ -32,7 +32,7 @@ def zero_actions(dimension: int) -> Controller:
 
 
 def learned_gait(name: str) -> Controller:
-    """A linear controller found by random search, (action_dim, observation_dim + 1) with the bias last."""
+    """Linear controller from a random search: (action_dim, observation_dim + 1), bias last."""
     with np.load(GAITS) as file:
         weights = file[name]
     return lambda observation: np.tanh(weights[:, :-1] @ observation + weights[:, -1])
@@ -59,7 +59,9 @@ def assert_parity(
 ) -> dict:
     mine, theirs = (record(task, make(), seed, steps, past) for task in (ours, stock))
     for what, values in theirs.items():
-        differing = [t for t, pair in enumerate(zip(mine[what], values, strict=False)) if pair[0] != pair[1]]
+        differing = [
+            t for t, pair in enumerate(zip(mine[what], values, strict=False)) if pair[0] != pair[1]
+        ]
         assert not differing, f"{what} differ first at entry {differing[0]}"
         assert len(mine[what]) == len(values), what
     return theirs

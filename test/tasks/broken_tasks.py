@@ -1,0 +1,181 @@
+"""A tiny task that follows the protocol, and ones that each break it in one way."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+import numpy as np
+
+from pga_me_ros.tasks.protocol import NonFiniteActionError
+from pga_me_ros.tasks.spec import TaskSpec
+
+SPEC = TaskSpec(
+    name="point",
+    observation_names=("position", "velocity"),
+    observation_units=("m", "m/s"),
+    action_names=("force",),
+    action_units=("N",),
+    action_low=(-1.0,),
+    action_high=(1.0,),
+    descriptor_names=("share_right",),
+    descriptor_low=(0.0,),
+    descriptor_high=(1.0,),
+    max_steps=50,
+    control_period=0.1,
+    archive_cells=10,
+    archive_bins=(10,),
+)
+
+
+class Point:
+    """A point mass on a line that falls off at ±2 m; no simulator needed."""
+
+    spec: ClassVar[Any] = SPEC
+
+    def __init__(self, *, render: bool = False) -> None:
+        self.state = np.zeros(2)
+
+    def reset(self, rng: np.random.Generator) -> Any:
+        self.state = np.array([rng.uniform(-0.1, 0.1), 0.0])
+        self.right = self.steps = 0
+        return self.state.astype(np.float32)
+
+    def step(self, action: Any) -> Any:
+        if not np.isfinite(action).all():
+            raise NonFiniteActionError("point got a force that is not finite")
+        self.state = self.state + 0.1 * np.array([self.state[1], float(action[0])])
+        self.steps += 1
+        self.right += self.state[0] > 0
+        fell = bool(abs(self.state[0]) > 2)
+        return self.state.astype(np.float32), float(self.state[1]), fell
+
+    def descriptor(self) -> Any:
+        return np.array([self.right / max(self.steps, 1)])
+
+    def close(self) -> None:
+        pass
+
+
+class NoSpec(Point):
+    spec = None
+
+
+class NoDescriptor(Point):
+    descriptor = None  # type: ignore[assignment]
+
+
+class StartRaises(Point):
+    def __init__(self) -> None:
+        raise RuntimeError("no simulator here")
+
+
+class ResetRaises(Point):
+    def reset(self, rng: np.random.Generator) -> Any:
+        raise KeyError("pose")
+
+
+class DoubleObservation(Point):
+    def reset(self, rng: np.random.Generator) -> Any:
+        return super().reset(rng).astype(np.float64)
+
+
+class LongObservation(Point):
+    def step(self, action: Any) -> Any:
+        observation, reward, fell = super().step(action)
+        return np.append(observation, np.float32(0)), reward, fell
+
+
+class NanObservation(Point):
+    def step(self, action: Any) -> Any:
+        _, reward, fell = super().step(action)
+        return np.full(2, np.nan, np.float32), reward, fell
+
+
+class GymStep(Point):
+    def step(self, action: Any) -> Any:
+        return (*super().step(action), False, {})
+
+
+class NumpyReward(Point):
+    def step(self, action: Any) -> Any:
+        observation, reward, fell = super().step(action)
+        return observation, np.float64(reward), fell
+
+
+class NumpyTerminated(Point):
+    def step(self, action: Any) -> Any:
+        observation, reward, fell = super().step(action)
+        return observation, reward, np.bool_(fell)
+
+
+class WideDescriptor(Point):
+    def descriptor(self) -> Any:
+        return 2.0 + super().descriptor()
+
+
+class RemembersPose(Point):
+    def reset(self, rng: np.random.Generator) -> Any:
+        velocity = self.state[1]
+        super().reset(rng)
+        self.state[1] = 0.01 * velocity
+        return self.state.astype(np.float32)
+
+
+class SharedState(Point):
+    made: ClassVar[int] = 0
+
+    def __init__(self) -> None:
+        super().__init__()
+        SharedState.made += 1
+        self.number = SharedState.made
+
+    def reset(self, rng: np.random.Generator) -> Any:
+        super().reset(rng)
+        self.state[0] += 0.001 * self.number
+        return self.state.astype(np.float32)
+
+
+class LateNan(Point):
+    def step(self, action: Any) -> Any:
+        observation, reward, fell = super().step(action)
+        return observation, float("nan") if self.steps == 20 else reward, fell
+
+
+class TakesNan(Point):
+    def step(self, action: Any) -> Any:
+        return super().step(np.nan_to_num(action))
+
+
+class WrongErrorForNan(Point):
+    def step(self, action: Any) -> Any:
+        if not np.isfinite(action).all():
+            raise AssertionError("finite actions only")
+        return super().step(action)
+
+
+class SpoiltByNan(Point):
+    spoilt = False
+
+    def step(self, action: Any) -> Any:
+        self.spoilt = self.spoilt or not np.isfinite(action).all()
+        observation, reward, fell = super().step(action)
+        return observation, reward + self.spoilt, fell
+
+
+class ClosesOnce(Point):
+    closed = False
+
+    def close(self) -> None:
+        if self.closed:
+            raise RuntimeError("already closed")
+        self.closed = True
+
+
+class Diverges(Point):
+    """Leaves the numbers in its tenth step and says so."""
+
+    def step(self, action: Any) -> Any:
+        observation, reward, fell = super().step(action)
+        if self.steps == 10:
+            return np.full(2, np.nan, np.float32), float("nan"), True
+        return observation, reward, fell

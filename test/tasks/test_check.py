@@ -1,0 +1,75 @@
+"""The checker finds what is wrong with a task, and nothing wrong with sound ones."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import broken_tasks
+import pytest
+
+from pga_me_ros.tasks.check import check_task, main
+from pga_me_ros.tasks.registry import BUILT_IN, load_task
+
+
+@pytest.mark.parametrize("name", list(BUILT_IN))
+def test_built_in_tasks_follow_the_protocol(name: str) -> None:
+    assert check_task(load_task(name)) == []
+
+
+@pytest.mark.parametrize("name", ["Point", "Diverges"])
+def test_sound_task_has_no_findings(name: str) -> None:
+    assert check_task(getattr(broken_tasks, name)) == []
+
+
+@pytest.mark.parametrize(
+    ("name", "finding"),
+    [
+        ("NoSpec", "'spec' is missing"),
+        ("NoDescriptor", "method 'descriptor' is missing"),
+        ("StartRaises", "RuntimeError: no simulator here"),
+        ("ResetRaises", "reset(rng) raised KeyError"),
+        ("DoubleObservation", "dtype float64; expected a finite (2,) float32 array"),
+        ("LongObservation", "shape (3,)"),
+        ("NanObservation", "holds NaN"),
+        ("GymStep", "expected (observation, reward, terminated)"),
+        ("NumpyReward", "reward is float64"),
+        ("NumpyTerminated", "terminated is bool"),
+        ("WideDescriptor", "the spec says 0.0 to 1.0"),
+        ("RemembersPose", "after others had run"),
+        ("SharedState", "in two tasks of one process"),
+        ("LateNan", "left the finite numbers"),
+        ("TakesNan", "accepted an action of NaN"),
+        ("WrongErrorForNan", "raise NonFiniteActionError"),
+        ("SpoiltByNan", "changed the episodes after it"),
+        ("ClosesOnce", "a second close() raised"),
+    ],
+)
+def test_broken_task_is_told_what_is_wrong(name: str, finding: str) -> None:
+    findings = check_task(getattr(broken_tasks, name))
+    assert any(finding in text for text in findings), findings
+
+
+def test_instance_instead_of_class_is_told() -> None:
+    assert "not a class" in check_task(broken_tasks.Point())[0]
+
+
+def test_command_line_names_findings_and_fails() -> None:
+    result = subprocess.run(
+        [sys.executable, "-m", "pga_me_ros.tasks.check", "broken_tasks:Point", "qd_wlker"],
+        cwd=Path(__file__).parents[2],
+        env={"PYTHONPATH": str(Path(__file__).parent)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert result.returncode == 1
+    lines = result.stdout.splitlines()
+    assert lines[0] == "broken_tasks:Point: follows the task protocol"
+    assert "did you mean 'qd_walker'?" in lines[1]
+
+
+def test_command_line_without_a_task_shows_its_usage(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([]) == 2
+    assert "usage" in capsys.readouterr().out

@@ -1,0 +1,104 @@
+"""Rollouts of a task that can be worked out by hand."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from broken_tasks import Diverges, LateNan, Point
+
+from pga_me_ros.core.errors import TaskError
+from pga_me_ros.tasks.protocol import DivergedError, NonFiniteActionError
+from pga_me_ros.tasks.registry import load_task
+from pga_me_ros.tasks.rollout import Episode, rollout
+
+
+def push(_: np.ndarray) -> np.ndarray:
+    return np.array([0.5], np.float32)
+
+
+def run(task: object = None, controller: object = push, steps: int | None = None) -> Episode:
+    return rollout(task or Point(), controller, np.random.default_rng(1), steps)  # type: ignore[arg-type]
+
+
+def test_transitions_are_those_of_the_steps_in_their_order() -> None:
+    task = Point()
+    state = task.reset(np.random.default_rng(1))
+    states, rewards = [state], []
+    for _ in range(5):
+        state, reward, _ = task.step(push(state))
+        states.append(state)
+        rewards.append(reward)
+    episode = run(steps=5)
+    assert np.array_equal(episode.states, states)
+    assert np.array_equal(episode.rewards, np.array(rewards, np.float32))
+    assert episode.fitness == sum(rewards)
+
+
+def test_shapes_and_dtypes() -> None:
+    episode = run(steps=5)
+    assert episode.states.shape == (6, 2)
+    assert episode.actions.shape == (5, 1)
+    assert episode.rewards.shape == (5,)
+    assert episode.descriptor.shape == (1,)
+    dtypes = [getattr(episode, name).dtype for name in ("states", "actions", "rewards")]
+    assert dtypes == [np.float32] * 3
+    assert episode.length == 5
+
+
+def test_actions_are_what_the_controller_gave_for_each_state() -> None:
+    def lean(observation: np.ndarray) -> np.ndarray:
+        return np.tanh(10 * observation[:1])
+
+    episode = run(controller=lean, steps=20)
+    wanted = [lean(state) for state in episode.states[:-1]]
+    assert np.array_equal(episode.actions, wanted)
+
+
+def test_fall_ends_the_episode_and_is_terminal() -> None:
+    episode = run(controller=lambda _: np.ones(1, np.float32))
+    assert episode.terminated
+    assert abs(episode.states[-1, 0]) > 2 >= np.abs(episode.states[:-1, 0]).max()
+
+
+def test_time_limit_ends_the_episode_and_is_not_terminal() -> None:
+    episode = run(controller=lambda _: np.zeros(1, np.float32))
+    assert (episode.length, episode.terminated) == (50, False)
+
+
+def test_short_episode_does_not_hold_the_memory_of_a_long_one() -> None:
+    episode = run(controller=lambda _: np.ones(1, np.float32))
+    assert episode.states.base is None
+    assert episode.states.nbytes == (episode.length + 1) * 8
+
+
+def test_divergence_ends_the_episode_before_the_step_that_diverged() -> None:
+    episode = run(Diverges())
+    assert (episode.length, episode.terminated) == (9, True)
+    assert np.isfinite(episode.states).all()
+
+
+def test_divergence_that_the_task_does_not_report_is_refused() -> None:
+    with pytest.raises(DivergedError, match="must end the episode"):
+        run(LateNan())
+
+
+def test_non_finite_controller_is_refused() -> None:
+    with pytest.raises(NonFiniteActionError):
+        run(load_task("qd_hopper")(), lambda _: np.full(3, np.nan, np.float32))
+
+
+def test_max_steps_below_one_is_refused() -> None:
+    with pytest.raises(TaskError, match="at least 1"):
+        run(steps=0)
+
+
+def test_action_of_the_wrong_length_is_refused() -> None:
+    with pytest.raises(TaskError, match="2 entries; expected 3"):
+        load_task("qd_hopper")().step(np.zeros(2, np.float32))
+
+
+def test_episode_is_frozen() -> None:
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        run(steps=1).fitness = 1.0  # type: ignore[misc]

@@ -1,0 +1,66 @@
+"""Task specs: round trip and validation."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+from typing import Any
+
+import pytest
+from broken_tasks import SPEC
+
+from pga_me_ros.core.errors import TaskError
+from pga_me_ros.tasks.registry import BUILT_IN, task_spec
+from pga_me_ros.tasks.spec import TaskSpec
+
+
+@pytest.mark.parametrize("name", list(BUILT_IN))
+def test_json_round_trip_gives_the_same_spec(name: str) -> None:
+    spec = task_spec(name)
+    assert TaskSpec.from_json(json.loads(json.dumps(spec.to_json()))) == spec
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "message"),
+    [
+        ("name", "", "non-empty string"),
+        ("observation_names", (), "at least one"),
+        ("observation_names", ("x", "x"), "unique"),
+        ("observation_names", ["x", "y"], "expected a tuple of str"),
+        ("observation_units", ("m",), "1 entries; expected 2"),
+        ("action_low", (-1,), "expected a tuple of float"),
+        ("action_low", (1.0,), "low < high"),
+        ("action_high", (math.inf,), "finite numbers"),
+        ("descriptor_high", (math.nan,), "finite numbers"),
+        ("descriptor_low", (0.0, 0.0), "2 entries; expected 1"),
+        ("max_steps", 0, "at least 1"),
+        ("max_steps", True, "expected an int"),
+        ("archive_cells", 1.5, "expected an int"),
+        ("archive_bins", (0,), "bins >= 1"),
+        ("control_period", 0.0, "above 0"),
+        ("control_period", 1, "expected a float"),
+    ],
+)
+def test_invalid_field_is_named(field: str, value: Any, message: str) -> None:
+    with pytest.raises(TaskError) as caught:
+        dataclasses.replace(SPEC, **{field: value})
+    assert field in str(caught.value)
+    assert message in str(caught.value)
+
+
+def test_unknown_field_is_told_the_nearest() -> None:
+    with pytest.raises(TaskError, match="did you mean 'max_steps'"):
+        TaskSpec.from_json(SPEC.to_json() | {"max_step": 3})
+
+
+def test_missing_field_is_named() -> None:
+    fields = SPEC.to_json()
+    del fields["control_period"]
+    with pytest.raises(TaskError, match="control_period"):
+        TaskSpec.from_json(fields)
+
+
+def test_something_else_than_an_object_is_refused() -> None:
+    with pytest.raises(TaskError, match="JSON object"):
+        TaskSpec.from_json([1, 2])  # type: ignore[arg-type]
