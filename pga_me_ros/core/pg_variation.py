@@ -66,17 +66,20 @@ def pg_variation(
     chunks = [slice(i, i + size) for i in range(0, len(parents), size)]
 
     def climb_share(share: list[slice]) -> None:
-        with torch.no_grad(), torch_threads(threads):
+        torch.set_num_threads(threads)  # torch keeps this number per thread, too
+        with torch.no_grad():
             climber = _Climber(problem, critic, size, states.shape[-2])
             for chunk in share:
                 batches = states[chunk] if own else states[None]
                 offspring[chunk] = climber.climb(parents[chunk], batches)
 
-    if workers == 1 or len(chunks) == 1:
-        climb_share(chunks)
-    else:
-        with ThreadPoolExecutor(workers) as pool:
-            list(pool.map(climb_share, (chunks[i::workers] for i in range(workers))))
+    workers = min(workers, len(chunks))
+    with torch_threads(threads):
+        if workers == 1:
+            climb_share(chunks)
+        else:
+            with ThreadPoolExecutor(workers) as pool:
+                list(pool.map(climb_share, (chunks[i::workers] for i in range(workers))))
     return offspring
 
 

@@ -101,9 +101,10 @@ def test_parents_critic_and_states_stay_as_they_are():
         np.testing.assert_array_equal(now, kept)
 
 
-def test_caller_keeps_its_threads():
+@pytest.mark.parametrize("workers", [1, 3])
+def test_caller_keeps_its_threads(workers):
     before = torch.get_num_threads()
-    offspring(PARENTS[:1], SHARED, threads=before + 1)
+    offspring(PARENTS, SHARED, threads=before + 1, workers=workers)
     assert torch.get_num_threads() == before
 
 
