@@ -1,8 +1,9 @@
 """Where a robot is relative to its target: progress, angle to it, velocity as seen by the robot.
 
 The numbers are those of PyBullet's own locomotion environments to the last bit. That is why sums
-are taken in NumPy's order, angles by NumPy's functions (its vectorised sine may differ from the C
-library's in the last bit) and small products by NumPy's dot (which may fuse multiply and add).
+are taken in NumPy's order, the angle by NumPy's arctan2 (which differs from the C library's in the
+last bit where NumPy has a vectorised one; sine and cosine do not) and products by NumPy's dot (which
+may fuse multiply and add).
 """
 
 from __future__ import annotations
@@ -26,7 +27,6 @@ class Heading:
     def __init__(self) -> None:
         """Make the arrays."""
         self._offset = np.zeros(2)
-        self._angles = np.zeros(2)
         self._rotation = np.diag((0.0, 0.0, 1.0))
         self._velocity = np.zeros(3)
 
@@ -52,14 +52,12 @@ class Heading:
             turned = [velocity[0] + 0.0, velocity[1] + 0.0, velocity[2] + 0.0]
             return -ahead / CONTROL_PERIOD, [0.0, 1.0, *turned]
         aside = 0.0 - pairwise_sum(ys) / count
-        offset, angles = self._offset, self._angles
+        offset, rotation, speed = self._offset, self._rotation, self._velocity
         offset[0], offset[1] = aside, ahead
         potential = -math.sqrt(offset.dot(offset)) / CONTROL_PERIOD
-        angles[0], angles[1] = np.arctan2(aside, ahead) - yaw, -yaw
-        sine, sine_yaw = np.sin(angles).tolist()
-        cosine, cosine_yaw = np.cos(angles).tolist()
-        rotation, speed = self._rotation, self._velocity
-        rotation[0, 0] = rotation[1, 1] = cosine_yaw
-        rotation[0, 1], rotation[1, 0] = -sine_yaw, sine_yaw
+        angle = float(np.arctan2(aside, ahead)) - yaw
+        rotation[0, 0] = rotation[1, 1] = math.cos(-yaw)
+        rotation[0, 1] = -math.sin(-yaw)
+        rotation[1, 0] = math.sin(-yaw)
         speed[0], speed[1], speed[2] = velocity
-        return potential, [sine, cosine, *rotation.dot(speed).tolist()]
+        return potential, [math.sin(angle), math.cos(angle), *rotation.dot(speed).tolist()]

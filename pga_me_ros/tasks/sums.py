@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 import struct
+from operator import add
 
 import numpy as np
 
-_LAYERS = {width: struct.Struct(f"{width}f") for width in (8, 4, 2)}
+_EIGHT, _FOUR = struct.Struct("8f"), struct.Struct("4f")
 
 
 def pairwise_sum(values: list[float]) -> float:
@@ -74,21 +75,18 @@ class Float32Means:
             OverflowError: A number or sum is beyond float32.
         """
         count, pair = self._count, self._pair
-        values = self._all.unpack(self._all.pack(*first, *second))
+        v = self._all.unpack(self._all.pack(*first, *second))
         if count == 8:
-            a, b = self._add_eight(values)
+            # NumPy keeps eight running sums and joins them by pairs, and by pairs of pairs.
+            v = _EIGHT.unpack(_EIGHT.pack(*map(add, v[::2], v[1::2])))
+            v = _FOUR.unpack(_FOUR.pack(*map(add, v[::2], v[1::2])))
+            a, b = pair.unpack(pair.pack(v[0] + v[1], v[2] + v[3]))
         else:
-            a, b = values[0], values[count]
+            a, b = v[0], v[count]
             for i in range(1, count):
-                a, b = pair.unpack(pair.pack(a + values[i], b + values[count + i]))
-        return pair.unpack(pair.pack(a / count, b / count))
-
-    def _add_eight(self, v: tuple[float, ...]) -> tuple[float, float]:
-        """Add pairs, then pairs of pairs: NumPy keeps eight running sums and joins them so."""
-        for width in (8, 4, 2):
-            layer = _LAYERS[width]
-            v = layer.unpack(layer.pack(*(v[i] + v[i + 1] for i in range(0, 2 * width, 2))))
-        return v[0], v[1]
+                a, b = pair.unpack(pair.pack(a + v[i], b + v[count + i]))
+        a, b = pair.unpack(pair.pack(a / count, b / count))
+        return a, b
 
 
 def threshold_after_rounding(limit: float) -> float:
