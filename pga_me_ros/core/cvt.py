@@ -22,6 +22,9 @@ MAX_ITERATIONS = 300
 SETTLED = 1e-3
 """Share of samples that may still change their cell at the end: 0.2 % above the converged error."""
 _BLOCK_NUMBERS = 1 << 19
+_BLOCK_PRODUCTS = 1 << 18
+"""Multiplications per matrix product: so few that BLAS starts no threads, which under load wait for
+each other far longer than they work, and which could change the sums."""
 _ROUNDING = 1e-7
 """Slack on the unit box: far above the rounding of a distance, far below the size of a cell."""
 
@@ -184,7 +187,7 @@ def _two_nearest(points: Floats, centroids: Floats) -> tuple[Ints, Floats]:
     weights = np.concatenate([centroids.T, -0.5 * (centroids**2).sum(axis=1)[None]])
     labels = np.empty(len(points), np.int64)
     second = np.empty(len(points))
-    block = max(1, _BLOCK_NUMBERS // len(centroids))
+    block = max(1, _BLOCK_PRODUCTS // weights.size)
     for start in range(0, len(points), block):
         stop = start + block
         score = homogeneous[start:stop] @ weights

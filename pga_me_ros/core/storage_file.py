@@ -43,7 +43,7 @@ def explained(path: Path) -> Iterator[None]:
 
 
 def _reason(error: sqlite3.Error) -> str:
-    name = getattr(error, "sqlite_errorname", "") or ""
+    name = getattr(error, "sqlite_errorname", "")
     if name == "SQLITE_FULL":
         return "the disk is full. What was committed is safe; free some space and start again."
     if name.startswith(("SQLITE_BUSY", "SQLITE_LOCKED")):
@@ -107,10 +107,10 @@ def _open_read_only(path: Path) -> sqlite3.Connection:
     except sqlite3.OperationalError as error:
         connection.close()
         wal = Path(f"{path}-wal")
-        cannot_open = getattr(error, "sqlite_errorname", "").startswith("SQLITE_CANTOPEN")
+        forbidden = error.sqlite_errorname.startswith(("SQLITE_READONLY", "SQLITE_CANTOPEN"))
         # WAL needs a file beside the database. Where none can be made, nobody writes. Yet a log
         # that was left behind must not be ignored: it holds generations.
-        if not cannot_open or (wal.exists() and wal.stat().st_size > 0):
+        if not forbidden or (wal.exists() and wal.stat().st_size > 0):
             raise
     return _open(path, "mode=ro&immutable=1")
 

@@ -1,0 +1,53 @@
+"""Metrics of a generation, counted by hand."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pga_me_ros.core.archive import GridArchive, Operator, Solutions
+from pga_me_ros.core.metrics import Metrics, generation_metrics
+
+
+@pytest.fixture(scope="module")
+def two_generations() -> list[Metrics]:
+    archive = GridArchive((10,), [0.0], [1.0], 1)
+    out: list[Metrics] = []
+    for generation, (fitness, descriptors) in enumerate(
+        [([1, 5, 2, 0], [0.05, 0.15, 0.05, 0.15]), ([9, 5, 7, 4], [0.05, 0.15, 0.95, 0.55])]
+    ):
+        batch = Solutions.of(
+            fitness=fitness,
+            descriptors=np.array(descriptors)[:, None],
+            parameters=np.zeros((4, 1)),
+            evaluations=range(4 * generation, 4 * generation + 4),
+            operators=[Operator.GREEDY, Operator.GA, Operator.PG, Operator.PG],
+            steps=[10, 20, 30, 40 + generation],
+        )
+        added = archive.add(batch)
+        before = out[-1] if out else None
+        out.append(generation_metrics(archive, batch, added, generation, before))
+    return out
+
+
+@pytest.mark.parametrize(
+    ("name", "first", "second"),
+    [
+        ("generation", 0, 1),
+        ("evaluations", 4, 8),
+        ("coverage", 2, 4),
+        ("coverage_share", 0.2, 0.4),
+        ("qd_score", 7.0, 25.0),
+        ("max_fitness", 5.0, 9.0),
+        ("mean_fitness", 3.5, 6.25),
+        ("steps", 100, 101),
+        ("total_steps", 100, 201),
+        ("offspring", (0, 1, 2, 1), (0, 1, 2, 1)),
+        ("new_elites", (0, 1, 0, 1), (0, 0, 2, 0)),
+        ("improved_elites", (0, 0, 1, 0), (0, 0, 0, 1)),
+    ],
+)
+def test_metrics_are_those_counted_by_hand(
+    two_generations: list[Metrics], name: str, first: object, second: object
+) -> None:
+    assert [getattr(metrics, name) for metrics in two_generations] == [first, second]

@@ -1,0 +1,201 @@
+"""The repertoire file: what goes in comes out, generation by generation."""
+
+from __future__ import annotations
+
+import dataclasses
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from repertoires import INFO, RATES, empty, generations, grow, make
+
+from pga_me_ros.core.archive import CvtArchive
+from pga_me_ros.core.errors import StorageError
+from pga_me_ros.core.settings import Settings
+from pga_me_ros.core.storage import Repertoire, RunInfo
+
+SERVE = """
+import sys
+from pga_me_ros.core.storage import Repertoire
+with Repertoire.open(sys.argv[1], read_only=True) as repertoire:
+    print(repertoire.load_archive().best().parameters.shape)
+print(sorted({"torch", "pybullet", "rclpy", "scipy", "ribs"} & set(sys.modules)))
+"""
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    return tmp_path / "run" / "repertoire.db"
+
+
+@pytest.mark.parametrize("kind", ["cvt", "grid"])
+def test_an_archive_comes_back_bit_for_bit(path: Path, kind: str) -> None:
+    archive = make(path, kind=kind)
+    with Repertoire.open(path, read_only=True) as repertoire:
+        assert repertoire.load_archive().digest() == archive.digest()
+
+
+def test_centroids_come_back_bit_for_bit(path: Path) -> None:
+    archive = make(path, count=0)
+    with Repertoire.open(path, read_only=True) as repertoire:
+        assert repertoire.load_archive().centroids.tobytes() == archive.centroids.tobytes()
+
+
+def test_metrics_come_back(path: Path) -> None:
+    with Repertoire.create(path, INFO, empty()) as repertoire:
+        grow(repertoire, empty(), 4)
+        expected = [metrics for _, _, metrics in generations(empty(), 4)]
+        assert repertoire.metrics() == expected
+
+
+def test_rates_come_back(path: Path) -> None:
+    make(path, count=2)
+    with Repertoire.open(path, read_only=True) as repertoire:
+        assert repertoire.rates() == [RATES, RATES]
+
+
+def test_the_description_comes_back(path: Path) -> None:
+    make(path, count=0)
+    with Repertoire.open(path, read_only=True) as repertoire:
+        assert repertoire.info == INFO
+
+
+@pytest.mark.parametrize("count", [0, 1, 3])
+def test_last_generation_counts_from_zero(path: Path, count: int) -> None:
+    make(path, count)
+    with Repertoire.open(path, read_only=True) as repertoire:
+        assert repertoire.last_generation == count - 1
+
+
+def test_a_run_goes_on_as_if_it_had_never_stopped(path: Path, tmp_path: Path) -> None:
+    make(path, 2)
+    archive = empty()
+    with Repertoire.open(path) as repertoire:
+        for generation, elites, metrics in generations(archive, 5):
+            if generation > 1:
+                repertoire.commit(generation, elites, metrics, RATES)
+        digest = repertoire.result_digest()
+    whole = make(tmp_path / "whole.db", 5)
+    assert digest == whole.digest()
+
+
+def test_committing_a_generation_again_says_so(path: Path) -> None:
+    with Repertoire.create(path, INFO, empty()) as repertoire:
+        first, *_ = generations(empty(), 2)
+        answers = [repertoire.commit(*first, RATES) for _ in range(2)]
+    assert answers == [True, False]
+
+
+def test_committing_a_generation_again_changes_nothing(path: Path) -> None:
+    archive = make(path, 3)
+    first, *_ = generations(empty(), 1)
+    with Repertoire.open(path) as repertoire:
+        repertoire.commit(*first, RATES)
+        assert repertoire.result_digest() == archive.digest()
+
+
+def test_a_left_out_generation_is_refused(path: Path) -> None:
+    _, second, *_ = generations(empty(), 2)
+    with (
+        Repertoire.create(path, INFO, empty()) as repertoire,
+        pytest.raises(StorageError, match="next is 0, not 1"),
+    ):
+        repertoire.commit(*second, RATES)
+
+
+def test_a_forgotten_elite_is_refused(path: Path) -> None:
+    generation, elites, metrics = next(generations(empty(), 1))
+    with (
+        Repertoire.create(path, INFO, empty()) as repertoire,
+        pytest.raises(StorageError, match="commit those of all changed cells"),
+    ):
+        repertoire.commit(generation, elites[1:], metrics, RATES)
+
+
+def test_metrics_that_are_no_numbers_are_refused(path: Path) -> None:
+    generation, elites, metrics = next(generations(empty(), 1))
+    broken = dataclasses.replace(metrics, qd_score=float("nan"))
+    with (
+        Repertoire.create(path, INFO, empty()) as repertoire,
+        pytest.raises(StorageError, match="must be finite"),
+    ):
+        repertoire.commit(generation, elites, broken, RATES)
+
+
+def test_a_reader_sees_each_commit_of_a_writer(path: Path) -> None:
+    seen = []
+    with (
+        Repertoire.create(path, INFO, empty()) as writer,
+        Repertoire.open(path, read_only=True) as reader,
+    ):
+        for generation in generations(empty(), 3):
+            writer.commit(*generation, RATES)
+            seen.append(len(reader.load_archive()) == generation[2].coverage)
+    assert seen == [True] * 3
+
+
+def test_a_reader_may_not_commit(path: Path) -> None:
+    make(path, 0)
+    first, *_ = generations(empty(), 1)
+    with (
+        Repertoire.open(path, read_only=True) as repertoire,
+        pytest.raises(StorageError, match="opened for reading"),
+    ):
+        repertoire.commit(*first, RATES)
+
+
+def test_the_digest_depends_on_neither_run_nor_path_nor_time(path: Path, tmp_path: Path) -> None:
+    make(path)
+    other = dataclasses.replace(INFO, run_id="another", created="2030-01-01T00:00:00+00:00")
+    digests = set()
+    with Repertoire.create(tmp_path / "other.db", other, empty()) as repertoire:
+        grow(repertoire, empty(), 4)
+        digests.add(repertoire.result_digest())
+    with Repertoire.open(path) as repertoire:
+        digests.add(repertoire.result_digest())
+    assert len(digests) == 1
+
+
+def test_a_closed_file_is_one_file(path: Path) -> None:
+    make(path)
+    assert sorted(p.name for p in path.parent.iterdir()) == ["repertoire.db", "repertoire.db.lock"]
+
+
+def test_serving_needs_neither_torch_nor_pybullet(path: Path) -> None:
+    make(path)
+    output = subprocess.run(
+        [sys.executable, "-c", SERVE, str(path)], capture_output=True, text=True, check=True
+    ).stdout
+    assert output.split("\n")[:2] == ["(50,)", "[]"]
+
+
+def test_a_run_with_other_rates_and_budget_may_go_on() -> None:
+    INFO.require(Settings(n_evo=10, evaluations=5), INFO.task)
+
+
+@pytest.mark.parametrize(
+    ("settings", "task", "message"),
+    [
+        (Settings(seed=1), INFO.task, "seed: 0 != 1"),
+        (Settings(), {**INFO.task, "name": "qd_ant"}, "task name: qd_walker != qd_ant"),
+    ],
+)
+def test_another_run_may_not_go_on(settings: Settings, task: dict, message: str) -> None:
+    with pytest.raises(StorageError, match=message):
+        INFO.require(settings, task)
+
+
+def test_other_library_versions_are_named() -> None:
+    assert INFO.version_differences({"numpy": "3.0"}) == ["numpy: 2.4.6 != 3.0"]
+
+
+def test_a_description_survives_json() -> None:
+    assert RunInfo.from_json(INFO.to_json()) == INFO
+
+
+def test_tied_centroids_keep_their_index(path: Path) -> None:
+    twins = CvtArchive([[0.5, 0.5], [0.5, 0.5]], [0, 0], [1, 1], 50)
+    Repertoire.create(path, INFO, twins).close()
+    with Repertoire.open(path) as repertoire:
+        assert repertoire.load_archive().cell_of([[0.1, 0.1]]).tolist() == [0]
