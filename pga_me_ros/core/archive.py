@@ -11,13 +11,10 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pga_me_ros.core.cvt import checked_box, cvt_centroids, grid_centroids, nearest_centroids
+from pga_me_ros.core.cvt import checked_box, grid_centroids, nearest_centroids
 from pga_me_ros.core.elite_table import EliteTable
 from pga_me_ros.core.elites import NO_PARENT, Elite, Operator, Solutions, Status
 from pga_me_ros.core.errors import ArchiveError
-from pga_me_ros.core.rng import Purpose, generator
-from pga_me_ros.core.settings import Settings
-from pga_me_ros.tasks.spec import TaskSpec
 
 __all__ = [
     "NO_PARENT",
@@ -29,7 +26,6 @@ __all__ = [
     "Operator",
     "Solutions",
     "Status",
-    "empty_archive",
 ]
 
 Floats = NDArray[np.float64]
@@ -214,25 +210,3 @@ class GridArchive(Archive):
             for edges, column in zip(self._edges, descriptors.T, strict=True)
         ]
         return np.ravel_multi_index(coordinates, self._bins).astype(np.int64)
-
-
-def empty_archive(settings: Settings, spec: TaskSpec, parameter_count: int) -> Archive:
-    """Return the empty archive that settings and a task ask for.
-
-    Centroids do not depend on the run's seed, so archives of several seeds compare cell by cell.
-
-    Args:
-        settings: Settings of the run (`archive`, `cells`, `cvt_samples`).
-        spec: Task, for the bounds of its descriptors and its number of cells.
-        parameter_count: Number P of parameters of a controller.
-
-    Raises:
-        ArchiveError: There are more cells than samples to make them of.
-    """
-    low, high = spec.descriptor_low, spec.descriptor_high
-    if settings.archive == "grid":
-        return GridArchive(spec.archive_bins, low, high, parameter_count)
-    cells = settings.cells or spec.archive_cells
-    rng = generator(0, Purpose.CENTROIDS, 0, cells)
-    centroids = cvt_centroids(cells, low, high, settings.cvt_samples, rng)
-    return CvtArchive(centroids, low, high, parameter_count)
