@@ -1,8 +1,8 @@
 """Simulation steps of our tasks against stock pybullet_envs and against the bare physics engine.
 
-Run: `.venv/bin/python bench/rollout.py [--rounds 9]`; the last line is JSON. Every figure is a ratio
-of things measured in turn (A B C A B C ...) in this process, the median over rounds. Episodes are
-the same bit for bit on all sides: same initial poses, same actions.
+Run: `.venv/bin/python bench/rollout.py [--rounds 9]`; the last line is JSON. Every figure is a
+ratio of things measured in turn (A B C A B C ...) in this process, the median over rounds. Episodes
+are the same bit for bit on all sides: same initial poses, same actions.
 """
 
 from __future__ import annotations

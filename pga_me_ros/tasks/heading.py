@@ -2,8 +2,8 @@
 
 The numbers are those of PyBullet's own locomotion environments to the last bit. That is why sums
 are taken in NumPy's order, the angle by NumPy's arctan2 (which differs from the C library's in the
-last bit where NumPy has a vectorised one; sine and cosine do not) and products by NumPy's dot (which
-may fuse multiply and add).
+last bit where NumPy has a vectorised one; sine and cosine do not) and products by NumPy's dot
+(which may fuse multiply and add).
 """
 
 from __future__ import annotations
