@@ -29,8 +29,11 @@ import sys
 from repertoires import give_up_root
 from pga_me_ros.core.storage import Repertoire
 give_up_root()
-with Repertoire.open(sys.argv[1], read_only=True) as repertoire:
-    print(repertoire.result_digest())
+try:
+    with Repertoire.open(sys.argv[1], read_only=True) as repertoire:
+        print(repertoire.result_digest())
+except ValueError as error:
+    print(error)
 """
 CREATE = """
 import sys
@@ -267,6 +270,15 @@ def test_a_killed_writers_file_can_be_read_where_nothing_may_be_written(open_fol
     list(generations(archive, 4))
     open_folder.chmod(0o555)
     assert run(READ, path) == archive.digest()
+
+
+def test_generations_in_a_log_that_cannot_be_used_are_not_passed_over(open_folder: Path) -> None:
+    path = open_folder / "repertoire.db"
+    with writer_in_a_transaction(path):
+        pass
+    Path(f"{path}-shm").unlink()
+    open_folder.chmod(0o555)
+    assert "cannot be opened or written" in run(READ, path)
 
 
 def test_a_commit_without_space_is_explained(path: Path) -> None:
