@@ -5,7 +5,7 @@ set -eu
 cd "$(dirname "$0")/.."
 
 is_supported() {
-    "$1" -I -c 'import sys; sys.exit(sys.version_info[:2] != (3, 11))' 2>/dev/null
+    [ "$("$1" -I -c 'import sys; print("%d.%d" % sys.version_info[:2])' 2>/dev/null)" = 3.11 ]
 }
 
 if [ -n "${PYTHON:-}" ]; then

@@ -74,9 +74,10 @@ def test_missing_python_is_named_in_one_line(checkout: Path, machine: Path) -> N
     assert "no Python 3.11" in lines[0]
 
 
-def test_wrong_python_is_named_in_one_line(checkout: Path, machine: Path) -> None:
-    other = checkout / "python3.12"
-    other.write_text("#!/bin/sh\nexit 1\n")
+@pytest.mark.parametrize("answer", ["exit 1", "exit 0", "echo 3.12"])
+def test_wrong_python_is_named_in_one_line(checkout: Path, machine: Path, answer: str) -> None:
+    other = checkout / "other-python"
+    other.write_text(f"#!/bin/sh\n{answer}\n")
     other.chmod(0o755)
     status, lines = set_up(checkout, machine, python=str(other))
     assert (status, len(lines)) == (1, 1)
