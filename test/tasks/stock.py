@@ -30,6 +30,11 @@ class StockTask:
         observation, reward, terminated, _, _ = self._environment.step(action)
         return observation, reward, terminated
 
+    def spin(self, speed: float) -> None:
+        client = self._environment._p
+        joint = self._environment.robot.ordered_joints[0].jointIndex
+        client.resetJointState(self._environment.robot.objects[0], joint, 0.0, speed)
+
     def contacts(self) -> tuple[bool, ...]:
         return tuple(bool(flag) for flag in self._environment.robot.feet_contact)
 
