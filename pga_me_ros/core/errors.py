@@ -35,6 +35,6 @@ class RequestError(PgaError):
 
 
 def nearest_name(name: str, known: Iterable[str]) -> str:
-    """Return ``"; did you mean 'x'?"`` for the known name nearest to a misspelt one, else ``""``."""
+    """Return ``" (did you mean 'x'?)"`` for the known name nearest to a misspelt one, else ``""``."""
     close = difflib.get_close_matches(name, list(known), n=1)
-    return f"; did you mean '{close[0]}'?" if close else ""
+    return f" (did you mean '{close[0]}'?)" if close else ""

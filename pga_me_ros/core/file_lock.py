@@ -5,25 +5,35 @@ from __future__ import annotations
 import fcntl
 import os
 import socket
+import time
 from pathlib import Path
 
 from pga_me_ros.core.errors import StorageError
+
+POLL = 0.05
+"""Seconds between two attempts to take a lock that is waited for."""
+
+
+class LockedError(StorageError):
+    """Another process holds the lock."""
 
 
 class FileLock:
     """Exclusive lock that ends with the process that holds it, however that dies.
 
-    The file stays behind when the lock is released: deleting it could take it from the next holder.
+    Processes that inherit the file descriptor hold it too. The file stays behind when the lock is released: deleting it
+    could take it from the next holder.
 
     Args:
         path: Lock file; made if absent.
+        wait: Seconds to wait for a holder that is about to end.
 
     Raises:
-        StorageError: Another process (or another part of this one) holds the lock, or the file
-            cannot be made.
+        LockedError: Another process (or another part of this one) holds the lock.
+        StorageError: The file cannot be made.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, wait: float = 0.0) -> None:
         """Take the lock."""
         try:
             self._fd = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
@@ -32,17 +42,30 @@ class FileLock:
                 f"Cannot write '{path}' ({error.strerror}); choose a run_dir that is writable."
             ) from None
         try:
-            fcntl.flock(self._fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            self._take(time.monotonic() + wait)
         except OSError as error:
             holder = os.pread(self._fd, 200, 0).decode(errors="replace").strip() or "unknown"
             os.close(self._fd)
-            raise StorageError(
+            raise LockedError(
                 f"'{path.name.removesuffix('.lock')}' in '{path.parent}' is being written by "
                 f"another process ({holder}; {error.strerror}). Stop that one first, or choose "
                 "another run_dir."
             ) from None
         os.ftruncate(self._fd, 0)
         os.pwrite(self._fd, f"pid {os.getpid()} on {socket.gethostname()}\n".encode(), 0)
+
+    def fileno(self) -> int:
+        """Return the file descriptor, for children to inherit."""
+        return self._fd
+
+    def _take(self, deadline: float) -> None:
+        while True:
+            try:
+                return fcntl.flock(self._fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                if time.monotonic() > deadline:
+                    raise
+                time.sleep(POLL)
 
     def release(self) -> None:
         """Give the lock up; once is enough."""

@@ -1,8 +1,8 @@
 """The settings of a run: the one source of names, defaults, ranges, units and documentation.
 
 ROS parameter descriptors, the validation of YAML files and the table in the docs are derived from `Settings`.
-Defaults are Table 1 of Nilsson & Cully (2021); where the authors' code departs from the paper, a setting chooses and its
-description names both.
+Defaults are Table 1 of Nilsson & Cully (2021); where the authors' code departs from the paper, a setting chooses and
+its description names both.
 """
 
 from __future__ import annotations
@@ -10,50 +10,13 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, fields
 from typing import Any
 
 from pga_me_ros.core.errors import SettingsError, nearest_name
+from pga_me_ros.core.setting_field import checked_value, setting
 
 INT64_MAX = 2**63 - 1
-
-
-def setting(
-    default: Any,
-    description: str,
-    *,
-    low: float | None = None,
-    high: float | None = None,
-    choices: tuple[str, ...] = (),
-    unit: str = "",
-    symbol: str = "",
-    rate: bool = False,
-    identity: bool = True,
-) -> Any:
-    """Declare a field of a settings dataclass.
-
-    Args:
-        default: Value when nobody gives one; its type is the setting's type.
-        description: One sentence for people.
-        low: Least allowed value (each entry, for a tuple).
-        high: Greatest allowed value.
-        choices: Allowed strings; empty for any.
-        unit: SI unit or noun, empty for a pure number.
-        symbol: Symbol in the paper, empty when it has none.
-        rate: Whether it may change while the run is under way (from the next generation on).
-        identity: Whether it is part of what the run is, so that a resumed run must have the same.
-    """
-    meta = {
-        "description": description,
-        "low": low,
-        "high": high,
-        "choices": choices,
-        "unit": unit,
-        "symbol": symbol,
-        "rate": rate,
-        "identity": identity,
-    }
-    return field(default=default, metadata=meta)
 
 
 @dataclass(frozen=True)
@@ -232,18 +195,18 @@ class Settings:
     )
     greedy_init: str = setting(
         "random",
-        "Greedy controller at the start: 'random' (Alg. 3), or 'best', a copy of the fittest controller so far (as coded).",
+        "Greedy controller at the start: 'random' (Alg. 3), or 'best', a copy of the fittest so far (as coded).",
         choices=("random", "best"),
     )
     greedy_takes: str = setting(
         "pg",
-        "Whose place the greedy controller takes in the batch: 'pg' leaves n_evo GA and b-1-n_evo PG offspring (Alg. 5), "
+        "Whose place the greedy controller takes: 'pg' leaves n_evo GA and b-1-n_evo PG offspring (Alg. 5), "
         "'ga' leaves n_evo-1 and b-n_evo (as coded).",
         choices=("pg", "ga"),
     )
     line_noise: str = setting(
         "scalar",
-        "Draws for the line of Eq. 6: 'scalar' is one per offspring (paper), 'tensor' one per weight tensor (as coded).",
+        "Draws for the line of Eq. 6: 'scalar' is one per offspring (paper), 'tensor' one per tensor (as coded).",
         choices=("scalar", "tensor"),
     )
     pg_batches: str = setting(
@@ -295,8 +258,8 @@ class Settings:
         for name in values:
             if name not in known:
                 raise SettingsError(
-                    f"Unknown setting '{name}'{nearest_name(name, known)} "
-                    "(README.md lists all settings)."
+                    f"Unknown setting '{name}'{nearest_name(name, known)}; "
+                    "docs/parameters.md lists all."
                 )
         return cls(**values)
 
@@ -323,46 +286,6 @@ class Settings:
 
 RATES = tuple(f.name for f in fields(Settings) if f.metadata["rate"])
 """Names of the settings that may change while a run is under way."""
-
-
-def checked_value(f: dataclasses.Field[Any], value: Any) -> Any:
-    """Return the value of a settings field in its own type, or raise.
-
-    Args:
-        f: Field declared by `setting`.
-        value: Candidate.
-
-    Raises:
-        SettingsError: The value has the wrong type or is out of range.
-    """
-    if isinstance(f.default, tuple):
-        if isinstance(value, (str, bytes)) or not hasattr(value, "__iter__"):
-            raise SettingsError(f"{f.name} must be a list of integers, not {value!r}.")
-        entries = tuple(_checked_scalar(f, v, int) for v in value)
-        if not entries:
-            raise SettingsError(f"{f.name} must name at least one layer, for example [128, 128].")
-        return entries
-    return _checked_scalar(f, value, type(f.default))
-
-
-def _checked_scalar(f: dataclasses.Field[Any], value: Any, kind: type) -> Any:
-    if kind is float and isinstance(value, int) and not isinstance(value, bool):
-        value = float(value)
-    if type(value) is not kind:
-        wanted = {int: "an integer", float: "a number", str: "a string", bool: "true or false"}
-        raise SettingsError(
-            f"{f.name} must be {wanted[kind]}, not {value!r} ({type(value).__name__})."
-        )
-    meta = f.metadata
-    if meta["choices"] and value not in meta["choices"]:
-        raise SettingsError(
-            f"{f.name} is {value!r}{nearest_name(value, meta['choices'])} "
-            f"It must be one of: {', '.join(meta['choices'])}."
-        )
-    low, high = meta["low"], meta["high"]
-    if low is not None and not low <= value <= high:
-        raise SettingsError(f"{f.name} is {value}; it must be from {low} to {high}.")
-    return value
 
 
 def identity_difference(ours: Settings, theirs: Settings) -> list[str]:

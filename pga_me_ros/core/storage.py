@@ -33,6 +33,9 @@ from pga_me_ros.core.storage_rows import (
 
 __all__ = ["SCHEMA_VERSION", "Repertoire", "RunInfo"]
 
+PREDECESSOR_WAIT = 3.0
+"""Seconds that a writer which is about to end gets to let go of the file."""
+
 LAST_GENERATION = "SELECT * FROM generations ORDER BY generation DESC LIMIT 1"
 
 
@@ -100,7 +103,7 @@ class Repertoire:
             return cls(path, connect(path, read_only=True), None)
         if not path.is_file():
             connect(path, read_only=True)
-        lock = FileLock(Path(f"{path}.lock"))
+        lock = FileLock(Path(f"{path}.lock"), wait=PREDECESSOR_WAIT)
         try:
             return cls(path, connect(path, read_only=False), lock)
         except BaseException:

@@ -1,0 +1,109 @@
+"""The critics' side of the algorithm in one object: replay buffer, training, and what PG variation is given of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pga_me_ros.core.critic import CriticTrainer
+from pga_me_ros.core.replay import ReplayBuffer
+from pga_me_ros.core.rng import Purpose, generator
+from pga_me_ros.core.settings import Settings
+from pga_me_ros.core.snapshot import Snapshot
+from pga_me_ros.tasks.rollout import Episode
+from pga_me_ros.tasks.spec import TaskSpec
+
+
+class Learner:
+    """Learns from whole generations of experience and gives a `Snapshot` for the next offspring.
+
+    Args:
+        spec: Task.
+        settings: Settings of the run.
+        device: Torch device of the critics.
+    """
+
+    def __init__(self, spec: TaskSpec, settings: Settings, device: str = "cpu") -> None:
+        self._spec = spec
+        self._settings = settings
+        self._trainer = CriticTrainer(spec, settings, device)
+        self.version = 0
+        self.newest = -1
+        self._clear_replay()
+
+    @property
+    def transitions(self) -> int:
+        """Transitions in the replay buffer."""
+        return len(self._replay)
+
+    def forget_experience(self) -> None:
+        """Empty the replay buffer, so that it can be filled again from stored experience."""
+        self._clear_replay()
+        self.newest = -1
+
+    def add(self, generation: int, episodes: Iterable[Episode]) -> None:
+        """Add one generation's experience to the replay buffer, in evaluation order (Alg. 3 line 20)."""
+        for e in episodes:
+            self._replay.add_episode(
+                e.states, e.actions, e.rewards, e.terminated, self._spec.max_steps
+            )
+        self.newest = generation
+
+    def start_greedy_at(self, parameters: NDArray[np.float32]) -> None:
+        """Start the greedy controller as a copy of a controller (setting ``greedy_init: best``)."""
+        self._trainer.set_greedy(parameters)
+
+    def train(self, rates: Settings, generation: int) -> Snapshot:
+        """Train for n_crit steps (Alg. 4) and return what the offspring of a generation are made with.
+
+        Args:
+            rates: Settings with the rates in force.
+            generation: Generation whose offspring it is for.
+        """
+        losses = self._trainer.train(self._replay, rates, generation)
+        self.version += rates.n_crit
+        sets = 1 if self._settings.pg_batches == "shared" else self._settings.batch_size
+        states = [
+            self._replay.state_batches(
+                generator(self._settings.seed, Purpose.PG_BATCHES, generation, i),
+                rates.n_grad,
+                self._settings.transition_batch,
+            )
+            for i in range(sets)
+        ]
+        return Snapshot(
+            generation=generation,
+            version=self.version,
+            critic_shape=self._trainer.critic_shape,
+            critic=self._trainer.critic_parameters(),
+            greedy_shape=self._trainer.greedy_shape,
+            greedy=self._trainer.greedy_parameters(),
+            states=np.stack(states),
+            transitions=len(self._replay),
+            critic_loss=losses["critic_loss"],
+            mean_q=losses["mean_q"],
+        )
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """Return networks, targets and optimisers, by name; the replay buffer is stored as experience."""
+        return self._trainer.state()
+
+    def load_state(self, state: dict[str, NDArray[Any]], version: int) -> None:
+        """Continue from a stored state, bit for bit.
+
+        Args:
+            state: What `state` returned.
+            version: Training steps done by then.
+
+        Raises:
+            StorageError: Arrays are missing or do not fit the settings.
+        """
+        self._trainer.load_state(state)
+        self.version = version
+
+    def _clear_replay(self) -> None:
+        dims = (self._spec.observation_dim, self._spec.action_dim)
+        self._replay = ReplayBuffer(self._settings.replay_size, *dims)

@@ -1,0 +1,138 @@
+"""The folder of a run: made, or found and checked so that the run can go on."""
+
+from __future__ import annotations
+
+import os
+import uuid
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from pga_me_ros.core.errors import StorageError
+from pga_me_ros.core.file_lock import FileLock
+from pga_me_ros.core.make_archive import make_archive
+from pga_me_ros.core.policy import controller_shape
+from pga_me_ros.core.run_info import RunInfo, library_versions
+from pga_me_ros.core.settings import RATES, Settings
+from pga_me_ros.core.storage import Repertoire
+from pga_me_ros.tasks.spec import TaskSpec
+
+REPERTOIRE = "repertoire.db"
+LOCK = "run.lock"
+
+
+@dataclass(frozen=True)
+class RunDirectory:
+    """A folder that holds one run, locked for this process and its children.
+
+    Attributes:
+        path: The folder.
+        run_id: UUID of the run.
+        next_generation: First generation that is not committed.
+        before: Settings with the rates of the last committed generation.
+        settings: Settings with the rates that the next generation is made with.
+        notes: What the user should know about how the run goes on.
+        lock: Lock that the children inherit, so that it is free only when all are gone.
+    """
+
+    path: Path
+    run_id: str
+    next_generation: int
+    before: Settings
+    settings: Settings
+    notes: tuple[str, ...]
+    lock: FileLock
+
+    @property
+    def repertoire(self) -> Path:
+        """The repertoire file."""
+        return self.path / REPERTOIRE
+
+
+def default_run_dir(settings: Settings) -> Path:
+    """Return the folder that the same command always finds again: ``runs/TASK-seedSEED``."""
+    name = settings.task.replace(":", ".").rsplit(".", 1)[-1]
+    return Path("runs") / f"{name}-seed{settings.seed}"
+
+
+def open_run(path: Path, spec: TaskSpec, settings: Settings) -> RunDirectory:
+    """Make the folder of a new run, or take up the run that it holds.
+
+    Rates that were changed while the run was under way stay in force, unless this start names others than its first.
+
+    Args:
+        path: The folder.
+        spec: Task.
+        settings: Settings as given now.
+
+    Raises:
+        StorageError: The folder cannot be written, is in use, or holds another or a damaged run.
+    """
+    _make(path)
+    lock = FileLock(path / LOCK, wait=ORPHAN_WAIT)
+    try:
+        if not (path / REPERTOIRE).exists():
+            _create(path / REPERTOIRE, spec, settings)
+        return _resume(path, spec, settings, lock)
+    except BaseException:
+        lock.release()
+        raise
+
+
+ORPHAN_WAIT = 5.0
+"""Seconds that the children of a killed orchestrator get to notice and leave."""
+
+
+def _make(path: Path) -> None:
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise StorageError(
+            f"Cannot make the run directory '{path}' ({error.strerror}); give run_dir a folder that "
+            "can be written to."
+        ) from None
+    if not os.access(path, os.W_OK | os.X_OK):
+        raise StorageError(
+            f"The run directory '{path}' cannot be written to; give run_dir another folder or "
+            "change its permissions."
+        )
+
+
+def _create(path: Path, spec: TaskSpec, settings: Settings) -> None:
+    shape = controller_shape(spec, settings)
+    info = RunInfo(
+        run_id=str(uuid.uuid4()),
+        settings=settings.to_dict(),
+        task=spec.to_json(),
+        layer_sizes=shape.sizes,
+        activations=("relu",) * (len(shape.sizes) - 2) + ("tanh",),
+        versions=library_versions(),
+        created=datetime.now(UTC).isoformat(timespec="seconds"),
+    )
+    Repertoire.create(path, info, make_archive(spec, settings)).close()
+
+
+def _resume(path: Path, spec: TaskSpec, settings: Settings, lock: FileLock) -> RunDirectory:
+    with Repertoire.open(path / REPERTOIRE, read_only=True) as repertoire:
+        info = repertoire.info
+        info.require(settings, spec.to_json())
+        rates = repertoire.rates()
+    notes = [
+        f"library versions differ from the run's start ({d}): results may not be bit for bit the same"
+        for d in info.version_differences(library_versions())
+    ]
+    last = rates[-1] if rates else _rates_of(settings)
+    started_with = {n: info.settings[n] for n in RATES}
+    if _rates_of(settings) == started_with and last != started_with:
+        notes.append("the rates that were set while the run was under way stay in force")
+        now = settings.replace(**last)
+    else:
+        now = settings
+    return RunDirectory(
+        path, info.run_id, len(rates), settings.replace(**last), now, tuple(notes), lock
+    )
+
+
+def _rates_of(settings: Settings) -> dict[str, Any]:
+    return {n: getattr(settings, n) for n in RATES}

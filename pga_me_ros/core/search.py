@@ -1,0 +1,163 @@
+"""PGA-MAP-Elites in one process: Algorithms 3 to 5 of Nilsson & Cully (2021), as ask and tell.
+
+The node graph does the same work spread over processes; this is what it must agree with, bit for bit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pga_me_ros.core.archive import Archive
+from pga_me_ros.core.elites import NO_PARENT, Operator, Solutions
+from pga_me_ros.core.learner import Learner
+from pga_me_ros.core.make_archive import make_archive
+from pga_me_ros.core.metrics import Metrics, generation_metrics
+from pga_me_ros.core.offspring import ga_offspring, pg_states, random_controllers
+from pga_me_ros.core.pg_variation import pg_variation
+from pga_me_ros.core.policy import Controller, controller_shape
+from pga_me_ros.core.schedule import (
+    Slots,
+    batch_plan,
+    evaluation_ids,
+    evaluation_rng,
+    needs_snapshot,
+    sample_parents,
+    trains_meanwhile,
+)
+from pga_me_ros.core.settings import Settings
+from pga_me_ros.core.snapshot import Snapshot
+from pga_me_ros.tasks.protocol import Task
+from pga_me_ros.tasks.rollout import Episode, rollout
+from pga_me_ros.tasks.spec import TaskSpec
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Controllers of one generation that are to be evaluated.
+
+    Attributes:
+        generation: Number of the generation, from 0.
+        evaluations: Ids of the evaluations.
+        operators: (b,) int64 values of `Operator`.
+        parents: (b, 2) int64 evaluation ids of the parents, `NO_PARENT` for none.
+        parameters: (b, P) float32.
+    """
+
+    generation: int
+    evaluations: range
+    operators: NDArray[np.int64]
+    parents: NDArray[np.int64]
+    parameters: NDArray[np.float32]
+
+
+class Search:
+    """The whole algorithm: `ask` for a batch, evaluate it, `tell` what came out.
+
+    Args:
+        spec: Task.
+        settings: Settings of the run; `settings` may be replaced between generations to change rates.
+    """
+
+    def __init__(self, spec: TaskSpec, settings: Settings) -> None:
+        self.spec = spec
+        self.settings = settings
+        self.shape = controller_shape(spec, settings)
+        self.archive: Archive = make_archive(spec, settings)
+        self.learner = Learner(spec, settings)
+        self.metrics: list[Metrics] = []
+        self._snapshot: Snapshot | None = None
+
+    @property
+    def generation(self) -> int:
+        """Number of the generation that comes next."""
+        return len(self.metrics)
+
+    def ask(self) -> Batch:
+        """Make the next generation (Alg. 3 lines 9-13)."""
+        t, b = self.generation, self.settings.batch_size
+        if needs_snapshot(self.settings, t) and not self._trained_for(t):
+            self._train_critic(t)
+        operators = np.empty(b, np.int64)
+        parents = np.full((b, 2), NO_PARENT, np.int64)
+        parameters = np.empty((b, self.shape.parameter_count), np.float32)
+        for slots in batch_plan(self.settings, t):
+            places = slice(slots.first, slots.first + slots.count)
+            operators[places] = slots.operator
+            parents[places], parameters[places] = self._variation(slots)
+        return Batch(t, evaluation_ids(self.settings, t), operators, parents, parameters)
+
+    def tell(self, batch: Batch, episodes: Sequence[Episode]) -> Metrics:
+        """Learn from an evaluated generation (Alg. 3 line 14).
+
+        Args:
+            batch: What `ask` returned.
+            episodes: Its episodes, in order.
+        """
+        if trains_meanwhile(self.settings, batch.generation):
+            self._train_critic(batch.generation + 1)  # on the experience up to generation - 1
+        solutions = Solutions.of(
+            fitness=[e.fitness for e in episodes],
+            descriptors=[e.descriptor for e in episodes],
+            parameters=batch.parameters,
+            evaluations=batch.evaluations,
+            generation=batch.generation,
+            operators=batch.operators,
+            parents=batch.parents,
+            steps=[e.length for e in episodes],
+            terminated=[e.terminated for e in episodes],
+        )
+        self.learner.add(batch.generation, episodes)
+        added = self.archive.add(solutions)
+        before = self.metrics[-1] if self.metrics else None
+        self.metrics.append(
+            generation_metrics(self.archive, solutions, added, batch.generation, before)
+        )
+        return self.metrics[-1]
+
+    def run_generation(self, task: Task) -> Metrics:
+        """Ask, evaluate in this process, tell."""
+        batch = self.ask()
+        episodes = [
+            rollout(task, Controller(self.shape, p), evaluation_rng(self.settings.seed, k))
+            for k, p in zip(batch.evaluations, batch.parameters, strict=True)
+        ]
+        return self.tell(batch, episodes)
+
+    def _trained_for(self, generation: int) -> bool:
+        return self._snapshot is not None and self._snapshot.generation == generation
+
+    def _train_critic(self, generation: int) -> None:
+        """Train the critics for a generation's offspring (Alg. 3 line 12)."""
+        if self._snapshot is None and self.settings.greedy_init == "best":
+            self.learner.start_greedy_at(self.archive.best().parameters)
+        self._snapshot = self.learner.train(self.settings, generation)
+
+    def _variation(self, slots: Slots) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
+        """Make the offspring of one operator (Alg. 5); returns evaluation ids of parents, and parameters."""
+        s, t, first, n = self.settings, self.generation, slots.first, slots.count
+        nobody = np.full((n, 2), NO_PARENT, np.int64)
+        if slots.operator == Operator.RANDOM:
+            return nobody, random_controllers(s, self.shape, t, first, n)
+        if slots.operator == Operator.GA:
+            cells = sample_parents(self.archive, s.seed, t, first, n, each=2)
+            offspring = ga_offspring(s, self.shape, t, first, self.archive.parameters[cells])
+            return self.archive.evaluations[cells], offspring
+        assert self._snapshot is not None
+        if slots.operator == Operator.GREEDY:
+            return nobody, self._snapshot.greedy[None]
+        cells = sample_parents(self.archive, s.seed, t, first, n, each=1)
+        nobody[:, 0] = self.archive.evaluations[cells[:, 0]]
+        offspring = pg_variation(
+            self.archive.parameters[cells[:, 0]],
+            self._snapshot.critic,
+            pg_states(self._snapshot, first, n),
+            s.pg_learning_rate,
+            self.shape,
+            self._snapshot.critic_shape,
+            threads=s.torch_threads,
+        )
+        return nobody, offspring

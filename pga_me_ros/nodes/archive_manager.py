@@ -1,0 +1,177 @@
+"""Archive manager: owns the archive and its file, and answers other nodes' questions about the repertoire."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from pga_me_msgs.msg import Metrics as MetricsMsg
+from pga_me_msgs.srv import AddToArchive, SampleParents
+from sensor_msgs.msg import Image
+
+from pga_me_ros.core.elites import Solutions
+from pga_me_ros.core.errors import RequestError, SettingsError, StorageError
+from pga_me_ros.core.heatmap import render
+from pga_me_ros.core.metrics import generation_metrics
+from pga_me_ros.core.schedule import evaluation_ids, sample_parents
+from pga_me_ros.core.setting_field import setting
+from pga_me_ros.core.settings import RATES, Settings
+from pga_me_ros.core.storage import Repertoire
+from pga_me_ros.nodes.repertoire_services import RepertoireServices
+from pga_me_ros.ros import names, qos
+from pga_me_ros.ros.convert import (
+    evaluated_from_msg,
+    finite,
+    flat,
+    image_to_msg,
+    shaped,
+    with_rates,
+)
+from pga_me_ros.ros.graph_node import GraphNode
+from pga_me_ros.ros.parameters import declare
+from pga_me_ros.ros.process import run_node
+
+
+@dataclass(frozen=True)
+class ArchiveManagerSettings:
+    """Parameters of the archive manager: all else is in the repertoire file."""
+
+    repertoire: str = setting(
+        "", "Repertoire file, for example runs/qd_walker-seed0/repertoire.db."
+    )
+    grow: bool = setting(
+        False, "Whether a run adds to the file; otherwise it is only read, never changed."
+    )
+
+
+class ArchiveManager(GraphNode):
+    """Serves a repertoire; while a run grows it, also adds generations and draws parents."""
+
+    def __init__(self) -> None:
+        super().__init__("archive_manager")
+        values = declare(self, ArchiveManagerSettings)
+        if not values["repertoire"]:
+            raise SettingsError(
+                "No repertoire is named; give its file: -p repertoire:=RUN_DIR/repertoire.db"
+            )
+        path, self._grow = Path(values["repertoire"]), values["grow"]
+        self._file = Repertoire.open(path, read_only=not self._grow)
+        self._info = self._file.info
+        self._settings = Settings.from_mapping(self._info.settings)
+        self._archive = self._file.load_archive()
+        metrics = self._file.metrics()
+        self._metrics = metrics[-1] if metrics else None
+        self._metrics_topic = self.create_publisher(MetricsMsg, names.METRICS, qos.LATCHED)
+        self._heatmap_topic = self.create_publisher(Image, names.HEATMAP, qos.LATCHED)
+        self._readers = RepertoireServices(self, self._info, self._archive, self._grow)
+        if self._grow:
+            self.serve(AddToArchive, names.ADD_TO_ARCHIVE, self._add)
+            self.serve(SampleParents, names.SAMPLE_PARENTS, self._sample)
+        self._publish()
+        self.start_heartbeat(run_id=self._info.run_id, task=self._info.task["name"])
+
+    @property
+    def _last_generation(self) -> int:
+        return self._metrics.generation if self._metrics else -1
+
+    def _add(self, request: AddToArchive.Request, response: AddToArchive.Response) -> None:
+        self.check_run(request.run_id, self._info.run_id)
+        last = self._last_generation
+        if not 0 <= request.generation <= last + 1:
+            raise RequestError(
+                f"Generation {request.generation} cannot be added: the archive has all up to {last}, "
+                f"so the next is {last + 1}."
+            )
+        if request.generation == last + 1:
+            response.status = self._commit(self._solutions(request), request)
+        response.metrics = self._readers.metrics_msg(self._metrics)
+
+    def _commit(self, batch: Solutions, request: AddToArchive.Request) -> list[int]:
+        rates = with_rates(self._settings, request.rates)
+        added = self._archive.add(batch)
+        metrics = generation_metrics(self._archive, batch, added, request.generation, self._metrics)
+        elites = [self._archive.elite(cell) for cell in added.changed_cells.tolist()]
+        try:
+            self._file.commit(
+                request.generation, elites, metrics, {name: getattr(rates, name) for name in RATES}
+            )
+        except StorageError:
+            self._return_to_file()
+            raise
+        self._metrics = metrics
+        self.count_done()
+        self._publish()
+        return added.status.tolist()
+
+    def _return_to_file(self) -> None:
+        """Forget what could not be committed: what is served is what is stored."""
+        self._archive = self._file.load_archive()
+        self._readers.archive = self._archive
+
+    def _solutions(self, request: AddToArchive.Request) -> Solutions:
+        """Read the solutions of a request.
+
+        Raises:
+            RequestError: A field has the wrong length or a number is not finite.
+        """
+        b, p = self._settings.batch_size, self._archive.parameter_count
+        out = evaluated_from_msg(request, b, self._archive.dimensions)
+        parameters = shaped(request.parameters, (b, p), np.float32, "parameters")
+        return Solutions.of(
+            fitness=out.fitness,
+            descriptors=out.descriptors,
+            parameters=finite(parameters, "parameters"),
+            evaluations=evaluation_ids(self._settings, request.generation),
+            generation=request.generation,
+            operators=shaped(request.operators, (b,), np.int64, "operators"),
+            parents=shaped(request.parents, (b, 2), np.int64, "parents"),
+            steps=out.steps,
+            terminated=out.terminated,
+        )
+
+    def _sample(self, request: SampleParents.Request, response: SampleParents.Response) -> None:
+        self.check_run(request.run_id, self._info.run_id)
+        if request.generation != self._last_generation + 1:
+            raise RequestError(
+                f"Parents of generation {request.generation} are asked for, but the archive has all "
+                f"up to {self._last_generation}, so the next is {self._last_generation + 1}."
+            )
+        if not 1 <= request.count <= self._settings.batch_size or request.first < 0:
+            raise RequestError(
+                f"count is {request.count} and first {request.first}; expected 1 to "
+                f"{self._settings.batch_size} offspring from place 0 on."
+            )
+        if request.parents_each not in (1, 2):
+            raise RequestError(f"parents_each is {request.parents_each}; expected 1 or 2.")
+        cells = sample_parents(
+            self._archive,
+            self._settings.seed,
+            request.generation,
+            request.first,
+            request.count,
+            request.parents_each,
+        )
+        response.evaluations = flat(self._archive.evaluations[cells], "q")
+        response.parameters = flat(self._archive.parameters[cells], "f")
+
+    def _publish(self) -> None:
+        """Show the archive as it is now to whoever watches."""
+        self._metrics_topic.publish(self._readers.metrics_msg(self._metrics))
+        self._heatmap_topic.publish(
+            image_to_msg(render(self._archive), self.get_clock().now().to_msg())
+        )
+
+    def destroy_node(self) -> None:
+        """Close the file, then destroy the node."""
+        self._file.close()
+        super().destroy_node()
+
+
+def main() -> int:
+    """Run the archive manager."""
+    return run_node(ArchiveManager)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,76 @@
+"""The orchestrator's own node: parameters, pause, resume, stop."""
+
+from __future__ import annotations
+
+import threading
+from typing import Any
+
+from rclpy.node import Node
+from std_srvs.srv import Trigger
+
+from pga_me_ros.core.errors import SettingsError
+from pga_me_ros.core.settings import RATES, Settings
+from pga_me_ros.nodes.options import RunOptions
+from pga_me_ros.ros import names
+from pga_me_ros.ros.parameters import declare_run, on_change
+
+
+class Control(Node):
+    """What users hold in their hands: the settings of the run, and whether it goes on.
+
+    Attributes:
+        settings: Settings with the rates for the next generation.
+        options: How the run is carried out.
+        stop_requested: Set when the run is to end.
+        paused: Set while no new generation is to begin.
+    """
+
+    def __init__(self) -> None:
+        super().__init__("orchestrator", automatically_declare_parameters_from_overrides=True)
+        self.settings, options = declare_run(self, RunOptions)
+        self.options = RunOptions(**options)
+        self.stop_requested = threading.Event()
+        self.paused = threading.Event()
+        self.create_service(Trigger, names.PAUSE, self._pause)
+        self.create_service(Trigger, names.RESUME, self._resume)
+        self.create_service(Trigger, names.STOP, self._stop)
+        on_change(self, self._changed, self._change)
+
+    def take_rates(self, settings: Settings) -> None:
+        """Take the rates of a resumed run as they are in force."""
+        self.settings = settings
+
+    def _changed(self, changes: dict[str, Any]) -> Settings:
+        """Return the settings after a change of rates.
+
+        Raises:
+            SettingsError: A value is out of range or does not fit the others.
+        """
+        fixed = [name for name in changes if name not in RATES]
+        if fixed:
+            raise SettingsError(
+                f"{', '.join(fixed)} cannot change while a run is under way; these can: "
+                f"{', '.join(RATES)}."
+            )
+        return self.settings.replace(**changes)
+
+    def _change(self, changes: dict[str, Any]) -> None:
+        self.settings = self._changed(changes)
+        listed = ", ".join(f"{name} = {value}" for name, value in changes.items())
+        self.get_logger().info(f"from the next generation on: {listed}")
+
+    def _pause(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        self.paused.set()
+        response.success, response.message = True, "pauses after the generation under way"
+        return response
+
+    def _resume(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        response.success = self.paused.is_set()
+        response.message = "goes on" if response.success else "was not paused"
+        self.paused.clear()
+        return response
+
+    def _stop(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        self.stop_requested.set()
+        response.success, response.message = True, "stops; the same command resumes"
+        return response

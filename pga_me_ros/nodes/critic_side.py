@@ -1,0 +1,142 @@
+"""The generation loop's dealings with the critic trainer."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from pga_me_msgs.msg import CriticSnapshot
+from pga_me_msgs.srv import GetBehavior, StoreExperience, Train
+from rclpy.node import Node
+
+from pga_me_ros.core.errors import PgaError
+from pga_me_ros.core.schedule import TrainingOrder
+from pga_me_ros.core.settings import Settings
+from pga_me_ros.core.snapshot import Snapshot
+from pga_me_ros.nodes.caller import PATIENCE, Waiter, accepted, call
+from pga_me_ros.nodes.evaluator_pool import EvaluatorPool
+from pga_me_ros.nodes.loop_clients import LoopClients
+from pga_me_ros.ros import names, qos
+from pga_me_ros.ros.convert import flat, rates_to_msg, snapshot_from_msg
+
+ARRIVAL = 1.0
+"""Seconds that episodes get to arrive after their evaluation was answered, before they are fetched again."""
+
+REMINDER = 0.2
+"""Seconds between two requests for a snapshot that a node still waits for."""
+
+
+class CriticSide:
+    """Starts trainings, waits for their snapshots, and sees to it that no experience is lost.
+
+    Args:
+        node: The orchestrator's node.
+        run_id: Id of the run.
+        settings: Settings of the run.
+        clients: Services of the other nodes.
+        pool: Evaluators, to repeat evaluations whose experience was lost.
+        waiter: How to wait.
+        incarnation: Returns the trainer's process id, which changes when it was restarted.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        run_id: str,
+        settings: Settings,
+        clients: LoopClients,
+        pool: EvaluatorPool,
+        waiter: Waiter,
+        incarnation: Callable[[], int],
+    ) -> None:
+        self._node = node
+        self._run_id = run_id
+        self._settings = settings
+        self._clients = clients
+        self._pool = pool
+        self._waiter = waiter
+        self._incarnation = incarnation
+        self._snapshots: dict[int, Snapshot] = {}
+        self.reevaluations = 0
+        node.create_subscription(CriticSnapshot, names.SNAPSHOT, self._take, qos.LATCHED)
+        self._best = node.create_client(GetBehavior, names.GET_BEHAVIOR)
+
+    def greedy(self, generation: int) -> NDArray[np.float32]:
+        """Return the greedy controller (P,) of a generation whose snapshot is there."""
+        return self._snapshots[generation].greedy
+
+    def start(self, order: TrainingOrder) -> None:
+        """Start a training; one that was done before has its snapshot published again."""
+        settings = self._settings.replace(**order.rates)
+        request = Train.Request(
+            run_id=self._run_id, generation=order.generation, experience=order.experience
+        )
+        request.rates = rates_to_msg(settings)
+        if settings.greedy_init == "best":
+            request.greedy = self._best_controller()
+        accepted(self._waiter, self._clients.train, request)
+
+    def wait_for(self, order: TrainingOrder) -> None:
+        """Wait until a training's snapshot is there, and start the training again if its node died."""
+        asked_of = 0
+
+        def came_or_died() -> bool:
+            return order.generation in self._snapshots or asked_of != self._incarnation()
+
+        while order.generation not in self._snapshots:
+            asked_of = self._incarnation()
+            self.start(order)
+            self._waiter.until(came_or_died, PATIENCE)
+
+    def remind(self, order: TrainingOrder) -> None:
+        """Have a snapshot published again after a while, for a node that was restarted and missed it."""
+        self._waiter.until(lambda: False, REMINDER)
+        self.start(order)
+
+    def store(self, generation: int, ids: Sequence[int]) -> None:
+        """Have a generation's experience stored; repeat evaluations whose episodes did not arrive."""
+        request = StoreExperience.Request(run_id=self._run_id, generation=generation)
+        while True:
+            response = call(self._waiter, self._clients.store_experience, request)
+            if response.accepted:
+                return
+            if not response.missing:
+                raise PgaError(f"The critic trainer refused to store: {response.message}")
+            if self._arrives(request):
+                return
+            missing = [k for k in response.missing if k in ids]
+            self._node.get_logger().warning(
+                f"the experience of {len(missing)} evaluations was lost; they are done again"
+            )
+            self.reevaluations += len(missing)
+            self._pool.repeat(missing)
+            self._waiter.until(lambda: self._pool.done(missing))  # noqa: B023
+
+    def _arrives(self, request: StoreExperience.Request) -> bool:
+        """Ask again for a while: the last episodes may still be on their way."""
+        for pause in (0.01, 0.02, 0.05, 0.1, 0.2, ARRIVAL):
+            self._waiter.until(lambda: False, pause)
+            if call(self._waiter, self._clients.store_experience, request).accepted:
+                return True
+        return False
+
+    def _best_controller(self) -> object:
+        request = GetBehavior.Request(select=GetBehavior.Request.BEST)
+        response = call(self._waiter, self._best, request)
+        if not response.found:
+            raise PgaError(f"The greedy controller has no start: {response.message}")
+        return flat(np.asarray(response.controller.parameters, np.float32), "f")
+
+    def _take(self, msg: CriticSnapshot) -> None:
+        if msg.run_id != self._run_id:
+            return
+        try:
+            snapshot = snapshot_from_msg(msg)
+        except PgaError as error:
+            self._node.get_logger().warning(f"dropped a critic snapshot: {error}")
+            return
+        self._snapshots[snapshot.generation] = snapshot
+        for old in [g for g in self._snapshots if g < snapshot.generation - 1]:
+            del self._snapshots[old]
+        self._waiter.wake()

@@ -1,0 +1,114 @@
+"""Evaluator: one simulated world that turns controllers into fitness, descriptor and experience."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from importlib.metadata import version
+
+os.environ.setdefault(
+    "OPENBLAS_NUM_THREADS", "1"
+)  # one episode is one thread: worlds scale, BLAS must not
+
+import numpy as np
+from pga_me_msgs.msg import Transitions
+from pga_me_msgs.srv import Evaluate
+
+from pga_me_ros.core.errors import RequestError
+from pga_me_ros.core.policy import Controller, MlpShape
+from pga_me_ros.core.schedule import evaluation_rng
+from pga_me_ros.core.setting_field import setting
+from pga_me_ros.ros import names, qos
+from pga_me_ros.ros.convert import episode_to_msg, finite, flat, shaped
+from pga_me_ros.ros.graph_node import GraphNode
+from pga_me_ros.ros.parameters import declare
+from pga_me_ros.ros.process import run_node
+from pga_me_ros.tasks.registry import load_task
+from pga_me_ros.tasks.rollout import Episode, rollout
+
+
+@dataclass(frozen=True)
+class EvaluatorSettings:
+    """Parameters of an evaluator: all else comes with each request, so it serves any run of its task."""
+
+    task: str = setting("qd_walker", "Simulated robot: a built-in task, or module.path:ClassName.")
+
+
+class Evaluator(GraphNode):
+    """Simulates controllers for whoever asks, and publishes what they experienced."""
+
+    def __init__(self) -> None:
+        super().__init__("evaluator")
+        self._task_name = declare(self, EvaluatorSettings)["task"]
+        self._task = load_task(self._task_name)()
+        self._spec = self._task.spec
+        self._experience = self.create_publisher(
+            Transitions, names.TRANSITIONS, qos.EXPERIENCE_WRITER
+        )
+        self.serve(Evaluate, names.EVALUATE, self._evaluate)
+        libraries = ", ".join(f"{name} {version(name)}" for name in ("pybullet", "numpy"))
+        self.start_heartbeat(task=self._task_name, versions=libraries)
+
+    def _evaluate(self, request: Evaluate.Request, response: Evaluate.Response) -> None:
+        controllers = self._controllers(request)
+        episodes: list[Episode] = []
+        for evaluation, controller in zip(request.evaluations, controllers, strict=True):
+            rng = evaluation_rng(request.seed, evaluation)
+            episode = rollout(self._task, controller, rng)
+            episodes.append(episode)
+            self._publish(request, evaluation, episode)
+            self.count_done()
+        response.fitness = flat([e.fitness for e in episodes], "d")
+        response.descriptors = flat([e.descriptor for e in episodes], "d")
+        response.steps = flat([e.length for e in episodes], "q")
+        response.terminated = [bool(e.terminated) for e in episodes]
+
+    def _publish(self, request: Evaluate.Request, evaluation: int, episode: Episode) -> None:
+        msg = episode_to_msg(
+            episode,
+            run_id=request.run_id,
+            task=self._task_name,
+            evaluator=self.get_fully_qualified_name(),
+            generation=request.generation,
+            evaluation=evaluation,
+        )
+        self._experience.publish(msg)
+
+    def _controllers(self, request: Evaluate.Request) -> list[Controller]:
+        """Check a request and return its controllers.
+
+        Raises:
+            RequestError: Wrong task, ids, layers or parameters.
+        """
+        if request.task != self._task_name:
+            raise RequestError(
+                f"This evaluator simulates '{self._task_name}', not '{request.task}'; "
+                "start one with the parameter task set to that."
+            )
+        ids = np.asarray(request.evaluations, np.int64)
+        if ids.size == 0 or ids.min() < 0 or request.seed < 0:
+            raise RequestError("Give at least one evaluation id; ids and seed must be at least 0.")
+        shape = MlpShape(tuple(int(n) for n in request.layer_sizes))
+        if (shape.sizes[0], shape.sizes[-1]) != (self._spec.observation_dim, self._spec.action_dim):
+            raise RequestError(
+                f"Controllers with layers {shape.sizes} do not fit task '{self._spec.name}', which has "
+                f"{self._spec.observation_dim} observations and {self._spec.action_dim} actions."
+            )
+        parameters = shaped(
+            request.parameters, (ids.size, shape.parameter_count), np.float32, "parameters"
+        )
+        return [Controller(shape, p) for p in finite(parameters, "parameters")]
+
+    def destroy_node(self) -> None:
+        """Close the world, then destroy the node."""
+        self._task.close()
+        super().destroy_node()
+
+
+def main() -> int:
+    """Run the evaluator."""
+    return run_node(Evaluator)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,210 @@
+"""The generation loop of the graph: Alg. 3 with evaluation, critic training and variation side by side."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from pga_me_msgs.msg import Metrics
+from pga_me_msgs.srv import AddToArchive, Propose, SampleParents
+
+from pga_me_ros.core.elites import NO_PARENT, Operator
+from pga_me_ros.core.errors import PgaError
+from pga_me_ros.core.policy import MlpShape
+from pga_me_ros.core.schedule import (
+    Slots,
+    TrainingOrder,
+    batch_plan,
+    evaluation_ids,
+    training_for,
+    training_meanwhile,
+)
+from pga_me_ros.core.settings import Settings
+from pga_me_ros.nodes.caller import Waiter, accepted, call
+from pga_me_ros.nodes.critic_side import CriticSide
+from pga_me_ros.nodes.evaluator_pool import EvaluatorPool
+from pga_me_ros.nodes.loop_clients import LoopClients
+from pga_me_ros.ros.convert import flat, rates_to_msg, shaped
+
+PIECE = 25
+"""Offspring per request: evaluators start on the first ones while the next are made."""
+
+PARENTS = {Operator.RANDOM: 0, Operator.GA: 2, Operator.PG: 1}
+"""Parents that each operator takes."""
+
+
+@dataclass
+class Batch:
+    """Controllers of one generation.
+
+    Attributes:
+        ids: Their evaluation ids.
+        operators: (b,) uint8 values of `Operator`.
+        parents: (b, 2) int64 evaluation ids of the parents, `NO_PARENT` for none.
+        parameters: (b, P) float32.
+    """
+
+    ids: range
+    operators: NDArray[np.uint8]
+    parents: NDArray[np.int64]
+    parameters: NDArray[np.float32]
+
+    @classmethod
+    def empty(cls, ids: range, parameter_count: int) -> Batch:
+        """Return a batch that is still to be filled."""
+        b = len(ids)
+        return cls(
+            ids,
+            np.zeros(b, np.uint8),
+            np.full((b, 2), NO_PARENT, np.int64),
+            np.empty((b, parameter_count), np.float32),
+        )
+
+
+class GenerationLoop:
+    """Carries out one generation after the other.
+
+    Whatever is asked of a node depends on the request alone or on what was committed before, so a node that dies is
+    asked again after its restart, and the result is the same.
+
+    Args:
+        run_id: Id of the run.
+        shape: Layers of the controllers.
+        clients: Services of the other nodes.
+        pool: Evaluators.
+        critics: The critic trainer's side.
+        waiter: How to wait.
+    """
+
+    def __init__(
+        self,
+        run_id: str,
+        shape: MlpShape,
+        clients: LoopClients,
+        pool: EvaluatorPool,
+        critics: CriticSide,
+        waiter: Waiter,
+    ) -> None:
+        self._run_id = run_id
+        self._shape = shape
+        self._clients = clients
+        self._pool = pool
+        self._critics = critics
+        self._waiter = waiter
+
+    def run(self, settings: Settings, before: Settings, t: int) -> Metrics:
+        """Make, evaluate and add generation t; meanwhile train for the next.
+
+        Args:
+            settings: Settings with the rates in force.
+            before: Settings with the rates of the generation before.
+            t: Number of the generation; all before it are committed.
+
+        Returns:
+            Metrics of the archive after it.
+        """
+        batch = Batch.empty(evaluation_ids(settings, t), self._shape.parameter_count)
+        self._pool.begin(t)
+        trained = training_for(settings, before, t)
+        if trained:
+            self._critics.wait_for(trained)
+        meanwhile = training_meanwhile(settings, t)
+        if meanwhile:
+            self._critics.start(meanwhile)
+        for slots in batch_plan(settings, t):
+            self._fill(settings, t, batch, slots, trained)
+        self._wait_for_results(batch)
+        if meanwhile:
+            self._critics.wait_for(meanwhile)
+        self._critics.store(t, batch.ids)
+        return self._add(settings, t, batch)
+
+    def _fill(
+        self,
+        settings: Settings,
+        t: int,
+        batch: Batch,
+        slots: Slots,
+        trained: TrainingOrder | None,
+    ) -> None:
+        """Have offspring made and send each piece to the evaluators at once."""
+        end = slots.first + slots.count
+        for first in range(slots.first, end, PIECE):
+            places = slice(first, min(first + PIECE, end))
+            n = places.stop - first
+            batch.operators[places] = slots.operator
+            if slots.operator == Operator.GREEDY:
+                batch.parameters[places] = self._critics.greedy(t)
+            else:
+                each = PARENTS[slots.operator]
+                ids, parents = self._sample(t, first, n, each)
+                batch.parents[places, :each] = ids
+                request = self._proposal(settings, t, slots, first, n, parents)
+                batch.parameters[places] = self._propose(request, trained)
+            self._pool.submit(batch.ids[places], batch.parameters[places])
+
+    def _sample(
+        self, t: int, first: int, n: int, each: int
+    ) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
+        """Return evaluation ids (n, each) and parameters (n, each, P) of parents."""
+        size = (n, each, self._shape.parameter_count)
+        if not each:
+            return np.empty((n, 0), np.int64), np.empty(size, np.float32)
+        request = SampleParents.Request(
+            run_id=self._run_id, generation=t, first=first, count=n, parents_each=each
+        )
+        response = accepted(self._waiter, self._clients.sample_parents, request)
+        ids = shaped(response.evaluations, (n, each), np.int64, "evaluations")
+        return ids, shaped(response.parameters, size, np.float32, "parameters")
+
+    def _proposal(
+        self,
+        settings: Settings,
+        t: int,
+        slots: Slots,
+        first: int,
+        n: int,
+        parents: NDArray[np.float32],
+    ) -> Propose.Request:
+        request = Propose.Request(
+            run_id=self._run_id, generation=t, operator_id=int(slots.operator), first=first, count=n
+        )
+        request.parents = flat(parents, "f")
+        request.rates = rates_to_msg(settings)
+        return request
+
+    def _propose(
+        self, request: Propose.Request, trained: TrainingOrder | None
+    ) -> NDArray[np.float32]:
+        """Return the parameters (n, P) of offspring."""
+        while True:
+            response = call(self._waiter, self._clients.propose, request)
+            if response.accepted:
+                size = (request.count, self._shape.parameter_count)
+                return shaped(response.parameters, size, np.float32, "parameters")
+            if not response.again or trained is None:
+                raise PgaError(f"The variation node refused: {response.message}")
+            self._critics.remind(trained)
+
+    def _wait_for_results(self, batch: Batch) -> None:
+        def finished() -> bool:
+            if self._pool.error:
+                raise self._pool.error
+            return self._pool.done(batch.ids)
+
+        self._waiter.until(finished)
+
+    def _add(self, settings: Settings, t: int, batch: Batch) -> Metrics:
+        """Commit the generation to the archive."""
+        outcomes = self._pool.outcomes(batch.ids)
+        request = AddToArchive.Request(run_id=self._run_id, generation=t)
+        request.operators = batch.operators.tolist()
+        request.parents = flat(batch.parents, "q")
+        request.fitness = flat([o.fitness for o in outcomes], "d")
+        request.descriptors = flat([o.descriptor for o in outcomes], "d")
+        request.steps = flat([o.steps for o in outcomes], "q")
+        request.terminated = [o.terminated for o in outcomes]
+        request.parameters = flat(batch.parameters, "f")
+        request.rates = rates_to_msg(settings)
+        return accepted(self._waiter, self._clients.add_to_archive, request).metrics

@@ -1,0 +1,194 @@
+"""Orchestrator: starts, watches and stops the other nodes, and leads a run from start to end."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from types import FrameType
+
+import rclpy
+from pga_me_msgs.msg import Progress
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+
+from pga_me_ros.core.errors import PgaError
+from pga_me_ros.core.run_directory import RunDirectory, default_run_dir, open_run
+from pga_me_ros.nodes.caller import StoppedError, Waiter
+from pga_me_ros.nodes.control import Control
+from pga_me_ros.nodes.progress import ProgressReporter
+from pga_me_ros.nodes.run import Run
+from pga_me_ros.ros import names, qos
+from pga_me_ros.ros.process import report
+from pga_me_ros.tasks.registry import task_spec
+
+NAME_CHECK = 1.0
+"""Seconds to listen for another orchestrator of the same name; a living one publishes once a second."""
+
+HEARTBEAT = 1.0
+"""Seconds between two progress messages."""
+
+
+class Signals:
+    """Ctrl-C and SIGTERM: the first asks the run to stop, the second ends everything at once.
+
+    Args:
+        control: The orchestrator's node.
+    """
+
+    def __init__(self, control: Control) -> None:
+        self._control = control
+        self.received: int = 0
+        signal.signal(signal.SIGINT, self._handle)
+        signal.signal(signal.SIGTERM, self._handle)
+
+    def _handle(self, number: int, _: FrameType | None) -> None:
+        if self.received:
+            raise SecondSignal
+        self.received = number
+        self._control.stop_requested.set()
+
+    @property
+    def exit_code(self) -> int:
+        """What a shell expects of a program that a signal ended; 0 for none."""
+        return 128 + self.received if self.received else 0
+
+
+class SecondSignal(BaseException):
+    """The user does not want to wait any longer."""
+
+
+def lead(control: Control, signals: Signals) -> int:
+    """Carry out the run that the node's parameters ask for.
+
+    Returns:
+        Exit code.
+
+    Raises:
+        PgaError: The run cannot start or go on.
+    """
+    settings, options = control.settings, control.options
+    spec = task_spec(settings.task)
+    require_free_name(control)
+    directory = open_run(
+        Path(options.run_dir) if options.run_dir else default_run_dir(settings), spec, settings
+    )
+    control.take_rates(directory.settings)
+    progress = ProgressReporter(control)
+    timer = control.create_timer(HEARTBEAT, progress.publish)
+    run = Run(control, spec, directory, options, progress)
+    try:
+        run.grow()
+        progress.say(finished(directory, run))
+        if options.serve:
+            progress.say("serving it as repertoire/get_behavior; Ctrl-C ends")
+            run.serve()
+    except StoppedError:
+        if progress.msg.state != "finished":
+            progress.say(stopped(progress, directory, run))
+            return signals.exit_code
+    except PgaError:
+        progress.enter("failed")
+        raise
+    finally:
+        timer.cancel()
+        end(run, directory)
+    return 0
+
+
+def end(run: Run, directory: RunDirectory) -> None:
+    """Stop all children; a second Ctrl-C kills them."""
+    try:
+        run.end()
+    except SecondSignal:
+        run.end(at_once=True)
+    directory.lock.release()
+
+
+def finished(directory: RunDirectory, run: Run) -> str:
+    """Return the words for a run that has reached its budget."""
+    return f"finished: {directory.repertoire} ({run.summary})"
+
+
+def stopped(progress: ProgressReporter, directory: RunDirectory, run: Run) -> str:
+    """Return the words for a run that was stopped."""
+    return (
+        f"stopped: {progress.msg.evaluations} evaluations are safe in {directory.repertoire} "
+        f"({run.summary}); the same command resumes"
+    )
+
+
+def require_free_name(control: Control) -> None:
+    """Make sure that no other orchestrator lives in this namespace.
+
+    Raises:
+        PgaError: One does.
+    """
+    heard: list[Progress] = []
+    waiter = Waiter(lambda: stop_if_asked(control))
+
+    def take(msg: Progress) -> None:
+        if msg.pid != os.getpid():
+            heard.append(msg)
+            waiter.wake()
+
+    control.create_subscription(Progress, names.PROGRESS, take, qos.LATCHED)
+    if waiter.until(lambda: bool(heard), NAME_CHECK):
+        raise PgaError(
+            f"Another orchestrator runs as {control.get_fully_qualified_name()} (process "
+            f"{heard[0].pid} on {heard[0].host}, task {heard[0].task}). Stop it, or give this one a "
+            "namespace (--ros-args -r __ns:=/NAME) or another ROS_DOMAIN_ID."
+        )
+
+
+def stop_if_asked(control: Control) -> None:
+    """End a wait when the user asked to stop.
+
+    Raises:
+        StoppedError: The user did.
+    """
+    if control.stop_requested.is_set():
+        raise StoppedError
+
+
+@contextmanager
+def spinning(node: Node) -> Iterator[None]:
+    """Serve a node's callbacks in another thread."""
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+
+    def spin() -> None:
+        with suppress(ExternalShutdownException):
+            executor.spin()
+
+    thread = threading.Thread(target=spin, name="executor")
+    thread.start()
+    try:
+        yield
+    finally:
+        executor.shutdown()
+        thread.join()
+
+
+def main() -> int:
+    """Run the orchestrator."""
+    try:
+        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+        control = Control()
+        signals = Signals(control)
+        with spinning(control):
+            return lead(control, signals)
+    except (StoppedError, KeyboardInterrupt, SecondSignal):
+        return 130
+    except Exception as error:
+        return report(error)
+    finally:
+        rclpy.try_shutdown()
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,163 @@
+"""One run from start to end: team, generation loop, progress."""
+
+from __future__ import annotations
+
+import os
+import threading
+from importlib.metadata import version
+
+from pga_me_msgs.msg import Metrics, NodeStatus
+from pga_me_msgs.srv import GetInfo
+
+from pga_me_ros.core.policy import controller_shape
+from pga_me_ros.core.run_directory import RunDirectory
+from pga_me_ros.nodes.caller import StoppedError, Waiter, call
+from pga_me_ros.nodes.control import Control
+from pga_me_ros.nodes.critic_side import CriticSide
+from pga_me_ros.nodes.evaluator_pool import EvaluatorPool, Job
+from pga_me_ros.nodes.generation import GenerationLoop
+from pga_me_ros.nodes.loop_clients import LoopClients
+from pga_me_ros.nodes.options import RunOptions
+from pga_me_ros.nodes.progress import ProgressReporter
+from pga_me_ros.nodes.team import Team
+from pga_me_ros.ros import names, qos
+from pga_me_ros.tasks.spec import TaskSpec
+
+
+class Run:
+    """Grows a repertoire with a team of nodes.
+
+    Args:
+        control: The orchestrator's node; its executor must spin in another thread.
+        spec: Task.
+        directory: Folder of the run.
+        options: How the run is carried out.
+        progress: Where it is reported.
+    """
+
+    def __init__(
+        self,
+        control: Control,
+        spec: TaskSpec,
+        directory: RunDirectory,
+        options: RunOptions,
+        progress: ProgressReporter,
+    ) -> None:
+        self._control = control
+        self._directory = directory
+        self._options = options
+        self._progress = progress
+        self._waiter = Waiter(self._look)
+        settings = directory.settings
+        shape = controller_shape(spec, settings)
+        job = Job(
+            run_id=directory.run_id,
+            task=settings.task,
+            seed=settings.seed,
+            layer_sizes=shape.sizes,
+            descriptor_dim=spec.descriptor_dim,
+            versions=", ".join(f"{name} {version(name)}" for name in ("pybullet", "numpy")),
+        )
+        self._pool = EvaluatorPool(control, job, self._waiter.wake)
+        self._team = Team(control, directory, self._pool)
+        clients = LoopClients(control)
+        self._critics = CriticSide(
+            control,
+            directory.run_id,
+            settings,
+            clients,
+            self._pool,
+            self._waiter,
+            lambda: self._team.children.pid("critic_trainer"),
+        )
+        self._loop = GenerationLoop(
+            directory.run_id, shape, clients, self._pool, self._critics, self._waiter
+        )
+        self._clients = clients
+        self._info = control.create_client(GetInfo, names.GET_INFO)
+        control.create_subscription(NodeStatus, names.STATUS, self._heard, qos.STATUS)
+        self._looking = threading.Lock()
+
+    def grow(self) -> None:
+        """Do the generations that are left.
+
+        Raises:
+            StoppedError: The run was asked to stop.
+            PgaError: It cannot go on.
+        """
+        settings = self._directory.settings
+        todo = range(self._directory.next_generation, settings.generations)
+        self._progress.begin(self._directory.run_id, settings)
+        for note in self._directory.notes:
+            self._progress.say(f"note: {note}")
+        self._team.start_archive(grow=bool(todo))
+        if todo:
+            self._team.start_learners()
+            self._team.start_evaluators(self._options.evaluators or os.cpu_count() or 1)
+        self._waiter.until(self._team.ready)
+        if todo.start:
+            self._progress.generation(self._metrics(), finished=False)
+            self._progress.say(f"resumed after generation {todo.start} of {settings.generations}")
+        if todo:
+            self._waiter.until(self._enough)
+        before = self._directory.before
+        for t in todo:
+            self._wait_while_paused()
+            settings = self._control.settings
+            self._progress.enter("running")
+            metrics = self._loop.run(settings, before, t)
+            before = settings
+            self._report(metrics)
+        self._team.stop_workers()
+        self._progress.enter("finished")
+
+    def serve(self) -> None:
+        """Leave the archive manager to other nodes until the run is asked to stop.
+
+        Raises:
+            StoppedError: It was.
+        """
+        self._waiter.until(lambda: False)
+
+    def end(self, *, at_once: bool = False) -> None:
+        """Stop all children."""
+        self._team.children.stop(at_once=at_once)
+
+    @property
+    def summary(self) -> str:
+        """What happened on the way, in words."""
+        return (
+            f"{self._team.children.restarts} restarts, {self._critics.reevaluations} re-evaluations"
+        )
+
+    def _look(self) -> None:
+        """Look after everything that may need it while something is waited for."""
+        if self._control.stop_requested.is_set():
+            raise StoppedError
+        with self._looking:
+            self._team.tick()
+        self._pool.tick()
+
+    def _heard(self, msg: NodeStatus) -> None:
+        self._team.heard(msg)
+        self._pool.heard(msg)
+        self._waiter.wake()
+
+    def _enough(self) -> bool:
+        return len(self._pool) >= self._options.min_evaluators and self._clients.ready()
+
+    def _wait_while_paused(self) -> None:
+        if self._control.paused.is_set():
+            self._progress.enter("paused")
+            self._progress.say("paused; call the resume service to go on")
+            self._waiter.until(lambda: not self._control.paused.is_set())
+
+    def _report(self, metrics: Metrics) -> None:
+        msg = self._progress.msg
+        msg.evaluators = len(self._pool)
+        msg.restarts = self._team.children.restarts
+        msg.reevaluations = self._critics.reevaluations
+        self._progress.generation(metrics)
+
+    def _metrics(self) -> Metrics:
+        return call(self._waiter, self._info, GetInfo.Request()).metrics

@@ -1,0 +1,112 @@
+"""The nodes of one run: which there are, with which parameters, and whether all are alive."""
+
+from __future__ import annotations
+
+import json
+import os
+import socket
+from pathlib import Path
+from typing import Any
+
+from pga_me_msgs.msg import NodeStatus
+from rclpy.node import Node
+
+from pga_me_ros.core.errors import PgaError
+from pga_me_ros.core.run_directory import RunDirectory
+from pga_me_ros.nodes.children import Children
+from pga_me_ros.nodes.evaluator_pool import EvaluatorPool
+
+SINGLETONS = ("archive_manager", "critic_trainer", "variation")
+"""Nodes of which a run has one each; their kind is their name."""
+
+
+class Team:
+    """Starts the nodes of a run and keeps them alive.
+
+    Args:
+        node: The orchestrator's node.
+        directory: Folder of the run.
+        pool: Evaluators, told when one of ours died.
+    """
+
+    def __init__(self, node: Node, directory: RunDirectory, pool: EvaluatorPool) -> None:
+        self._node = node
+        self._directory = directory
+        self._pool = pool
+        namespace = node.get_namespace()
+        self._prefix = namespace.rstrip("/") + "/"
+        arguments = ["-r", f"__ns:={namespace}"]
+        self.children = Children(directory.path, arguments, directory.lock.fileno())
+        self._parameters = directory.path / "parameters"
+        self._parameters.mkdir(exist_ok=True)
+        self._alive: set[tuple[str, int]] = set()
+        self._foreign = ""
+
+    def start_archive(self, *, grow: bool) -> None:
+        """Start the node that serves the repertoire."""
+        self._start(
+            "archive_manager",
+            "archive_manager",
+            {"repertoire": str(self._directory.repertoire.resolve()), "grow": grow},
+        )
+
+    def start_learners(self) -> None:
+        """Start critic trainer and variation."""
+        values = {
+            **self._directory.settings.to_dict(),
+            "run_id": self._directory.run_id,
+            "run_dir": str(self._directory.path.resolve()),
+        }
+        self._start("critic_trainer", "critic_trainer", values)
+        self._start("variation", "variation", values)
+
+    def start_evaluators(self, count: int) -> None:
+        """Start evaluators on this machine."""
+        for i in range(count):
+            self._start("evaluator", f"evaluator_{i}", {"task": self._directory.settings.task})
+
+    def stop_workers(self) -> None:
+        """Stop all but the archive manager."""
+        self.children.stop([n for n in self.children.names() if n != "archive_manager"])
+
+    def heard(self, msg: NodeStatus) -> None:
+        """Take a node's sign of life."""
+        name = msg.node.removeprefix(self._prefix)
+        ours = name in self.children.names() and self.children.pid(name) == msg.pid
+        if ours and msg.host == socket.gethostname():
+            self._alive.add((name, msg.pid))
+        elif msg.kind in SINGLETONS:
+            self._foreign = f"{msg.node} (process {msg.pid} on {msg.host})"
+
+    def ready(self) -> bool:
+        """Whether every child has said that it is up.
+
+        Raises:
+            PgaError: Somebody else's node has the name of one of ours.
+        """
+        if self._foreign:
+            raise PgaError(
+                f"The name {self._foreign} is taken in this ROS domain. Stop that node, or give this "
+                "run a namespace (--ros-args -r __ns:=/NAME) or another ROS_DOMAIN_ID."
+            )
+        children = self.children
+        return all((name, children.pid(name)) in self._alive for name in children.names())
+
+    def tick(self) -> None:
+        """Restart what has died.
+
+        Raises:
+            ChildError: A child cannot be started, or dies again and again.
+        """
+        for name in self.children.revive():
+            self._node.get_logger().warning(f"{name} died; it was started again")
+            self._pool.lost(self._prefix + name)
+
+    def _start(self, kind: str, name: str, values: dict[str, Any]) -> None:
+        path = self._parameters / f"{kind}.yaml"
+        # JSON is YAML too, and writes every number so that it is read back the same.
+        content = json.dumps({"/**": {"ros__parameters": values}}, indent=2)
+        temporary = Path(f"{path}.new")
+        temporary.write_text(content + "\n")
+        os.replace(temporary, path)
+        self.children.start(kind, name, path)

@@ -1,0 +1,121 @@
+"""Variation: makes random controllers and, by GA and PG variation, offspring (Alg. 5)."""
+
+from __future__ import annotations
+
+import os
+from importlib.metadata import version
+
+import numpy as np
+from numpy.typing import NDArray
+from pga_me_msgs.msg import CriticSnapshot
+from pga_me_msgs.srv import Propose
+
+from pga_me_ros.core.errors import PgaError, RequestError
+from pga_me_ros.core.offspring import ga_offspring, pg_states, random_controllers
+from pga_me_ros.core.pg_variation import pg_variation
+from pga_me_ros.core.policy import controller_shape
+from pga_me_ros.core.settings import Settings
+from pga_me_ros.core.snapshot import Snapshot
+from pga_me_ros.nodes.options import ChildOptions
+from pga_me_ros.ros import names, qos
+from pga_me_ros.ros.convert import finite, flat, shaped, snapshot_from_msg, with_rates
+from pga_me_ros.ros.graph_node import GraphNode
+from pga_me_ros.ros.parameters import declare_run
+from pga_me_ros.ros.process import run_node
+from pga_me_ros.tasks.registry import task_spec
+
+
+class Variation(GraphNode):
+    """Makes the controllers that the orchestrator asks for, from parents and the newest critic snapshot."""
+
+    def __init__(self) -> None:
+        super().__init__("variation")
+        self._settings, options = declare_run(self, ChildOptions)
+        self._run_id = options["run_id"]
+        self._shape = controller_shape(task_spec(self._settings.task), self._settings)
+        self._snapshots: dict[int, Snapshot] = {}
+        self.create_subscription(CriticSnapshot, names.SNAPSHOT, self._take_snapshot, qos.LATCHED)
+        self.serve(Propose, names.PROPOSE, self._propose)
+        self.start_heartbeat(
+            run_id=self._run_id, task=self._settings.task, versions=f"torch {version('torch')}"
+        )
+
+    def _take_snapshot(self, msg: CriticSnapshot) -> None:
+        try:
+            self.check_run(msg.run_id, self._run_id)
+            snapshot = snapshot_from_msg(msg)
+            if snapshot.greedy_shape != self._shape:
+                raise RequestError(
+                    f"its controllers have layers {snapshot.greedy_shape.sizes}, the run's have "
+                    f"{self._shape.sizes}."
+                )
+        except PgaError as error:
+            self.refused(f"dropped a critic snapshot: {error}")
+        else:
+            # The next generation's snapshot may come while this one's offspring are still made.
+            self._snapshots[snapshot.generation] = snapshot
+            for old in [g for g in self._snapshots if g < snapshot.generation - 1]:
+                del self._snapshots[old]
+
+    def _propose(self, request: Propose.Request, response: Propose.Response) -> None:
+        self.check_run(request.run_id, self._run_id)
+        settings = with_rates(self._settings, request.rates)
+        self._check_places(request)
+        if request.operator_id == Propose.Request.RANDOM:
+            made = random_controllers(
+                settings, self._shape, request.generation, request.first, request.count
+            )
+        elif request.operator_id == Propose.Request.GA:
+            parents = self._parents(request, each=2)
+            made = ga_offspring(settings, self._shape, request.generation, request.first, parents)
+        elif request.operator_id == Propose.Request.PG:
+            made = self._pg_offspring(request, settings, response)
+        else:
+            raise RequestError(f"Operator {request.operator_id} is unknown; expected 0, 1 or 2.")
+        response.parameters = flat(made, "f")
+        self.count_done(request.count)
+
+    def _pg_offspring(
+        self, request: Propose.Request, settings: Settings, response: Propose.Response
+    ) -> NDArray[np.float32]:
+        snapshot = self._snapshots.get(request.generation)
+        if snapshot is None:
+            response.again = True
+            raise RequestError(
+                f"PG offspring of generation {request.generation} need its critic snapshot; here are "
+                f"those of {sorted(self._snapshots)}. Ask again once it has been published."
+            )
+        parents = self._parents(request, each=1)
+        return pg_variation(
+            parents[:, 0],
+            snapshot.critic,
+            pg_states(snapshot, request.first, request.count),
+            settings.pg_learning_rate,
+            self._shape,
+            snapshot.critic_shape,
+            threads=settings.torch_threads,
+            workers=os.cpu_count() or 1,
+        )
+
+    def _parents(self, request: Propose.Request, each: int) -> NDArray[np.float32]:
+        shape = (request.count, each, self._shape.parameter_count)
+        return finite(shaped(request.parents, shape, np.float32, "parents"), "parents")
+
+    def _check_places(self, request: Propose.Request) -> None:
+        b = self._settings.batch_size
+        if request.generation < 0 or request.first < 0 or request.count < 1:
+            raise RequestError("generation and first must be at least 0, count at least 1.")
+        if request.first + request.count > b:
+            raise RequestError(
+                f"Places {request.first} to {request.first + request.count - 1} are asked for, but a "
+                f"batch has places 0 to {b - 1}."
+            )
+
+
+def main() -> int:
+    """Run the variation node."""
+    return run_node(Variation)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,266 @@
+"""Pure conversions between messages and the core's types.
+
+Arrays travel flat with their dimensions beside them; reading checks that the two agree, so that a malformed message is
+refused in words before it reaches the core.
+"""
+
+from __future__ import annotations
+
+import array
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from builtin_interfaces.msg import Time
+from numpy.typing import NDArray
+from pga_me_msgs.msg import Behavior, Controller, CriticSnapshot, Rates, Transitions
+from pga_me_msgs.msg import Metrics as MetricsMsg
+from sensor_msgs.msg import Image
+
+from pga_me_ros.core.elites import Elite, Operator
+from pga_me_ros.core.errors import RequestError, SettingsError
+from pga_me_ros.core.metrics import Metrics
+from pga_me_ros.core.policy import MlpShape
+from pga_me_ros.core.run_info import RunInfo
+from pga_me_ros.core.settings import RATES, Settings
+from pga_me_ros.core.snapshot import Snapshot
+from pga_me_ros.tasks.protocol import TaskSpec
+from pga_me_ros.tasks.rollout import Episode
+
+LAYOUT = "for each layer: weight (out, in) row by row, then bias (out)"
+
+
+def flat(values: Any, typecode: str) -> array.array[Any]:
+    """Return numbers as the array type that rclpy copies in one piece.
+
+    Args:
+        values: Array or sequence of any shape.
+        typecode: ``'f'``, ``'d'`` or ``'q'`` for float32, float64 or int64 fields.
+    """
+    return array.array(typecode, np.ascontiguousarray(values, dtype=typecode).tobytes())
+
+
+def shaped(data: Any, shape: tuple[int, ...], dtype: Any, name: str) -> NDArray[Any]:
+    """Return a flat message field as an array of the given shape, without a copy where possible.
+
+    Raises:
+        RequestError: A dimension is negative, or the field has another number of entries.
+    """
+    values: NDArray[Any] = np.asarray(data, dtype=dtype)
+    if min(shape) < 0 or values.size != math.prod(shape):
+        raise RequestError(
+            f"Field '{name}' has {values.size} entries, but its dimensions {shape} need "
+            f"{math.prod(shape)}."
+        )
+    return values.reshape(shape)
+
+
+def finite(values: NDArray[Any], name: str) -> NDArray[Any]:
+    """Return an array unless it holds NaN or infinity.
+
+    Raises:
+        RequestError: It does.
+    """
+    if not np.isfinite(values).all():
+        raise RequestError(
+            f"Field '{name}' holds NaN or infinity; only finite numbers are accepted."
+        )
+    return values
+
+
+def rates_to_msg(settings: Settings) -> Rates:
+    """Return the rates in force as a message."""
+    return Rates(**{name: getattr(settings, name) for name in RATES})
+
+
+def with_rates(settings: Settings, msg: Rates) -> Settings:
+    """Return settings with the rates of a request, checked.
+
+    Raises:
+        RequestError: A rate is out of its range.
+    """
+    try:
+        return settings.replace(**{name: getattr(msg, name) for name in RATES})
+    except SettingsError as error:
+        raise RequestError(str(error)) from None
+
+
+def episode_to_msg(episode: Episode, **ids: Any) -> Transitions:
+    """Return an episode as a message.
+
+    Args:
+        episode: The episode.
+        ids: run_id, task, evaluator, generation and evaluation.
+    """
+    msg = Transitions(**ids)
+    msg.fitness = float(episode.fitness)
+    msg.descriptor = flat(episode.descriptor, "d")
+    msg.steps = episode.length
+    msg.observation_dim = episode.states.shape[1]
+    msg.action_dim = episode.actions.shape[1]
+    msg.states = flat(episode.states, "f")
+    msg.actions = flat(episode.actions, "f")
+    msg.rewards = flat(episode.rewards, "f")
+    msg.terminated = bool(episode.terminated)
+    return msg
+
+
+def episode_from_msg(msg: Transitions, spec: TaskSpec) -> Episode:
+    """Return the episode of a message.
+
+    Raises:
+        RequestError: Its dimensions do not fit its arrays or the task, or a number is not finite.
+    """
+    dims = (spec.observation_dim, spec.action_dim, spec.descriptor_dim)
+    theirs = (msg.observation_dim, msg.action_dim, len(msg.descriptor))
+    if theirs != dims:
+        raise RequestError(
+            f"Episode {msg.evaluation} has (observation, action, descriptor) dimensions {theirs}, "
+            f"task '{spec.name}' has {dims}."
+        )
+    if not 1 <= msg.steps <= spec.max_steps:
+        raise RequestError(
+            f"Episode {msg.evaluation} has {msg.steps} steps; expected 1 to {spec.max_steps}."
+        )
+    steps = msg.steps
+    return Episode(
+        states=finite(shaped(msg.states, (steps + 1, dims[0]), np.float32, "states"), "states"),
+        actions=finite(shaped(msg.actions, (steps, dims[1]), np.float32, "actions"), "actions"),
+        rewards=finite(shaped(msg.rewards, (steps,), np.float32, "rewards"), "rewards"),
+        fitness=msg.fitness,
+        descriptor=finite(np.array(msg.descriptor, np.float64), "descriptor"),
+        terminated=msg.terminated,
+    )
+
+
+def snapshot_to_msg(snapshot: Snapshot, run_id: str) -> CriticSnapshot:
+    """Return a critic snapshot as a message."""
+    msg = CriticSnapshot(run_id=run_id, generation=snapshot.generation, version=snapshot.version)
+    msg.critic_sizes = flat(snapshot.critic_shape.sizes, "q")
+    msg.critic = flat(snapshot.critic, "f")
+    msg.greedy_sizes = flat(snapshot.greedy_shape.sizes, "q")
+    msg.greedy = flat(snapshot.greedy, "f")
+    msg.n_batches, msg.n_grad, msg.batch_size, msg.observation_dim = snapshot.states.shape
+    msg.states = flat(snapshot.states, "f")
+    msg.transitions = snapshot.transitions
+    msg.critic_loss, msg.mean_q = snapshot.critic_loss, snapshot.mean_q
+    return msg
+
+
+def snapshot_from_msg(msg: CriticSnapshot) -> Snapshot:
+    """Return the snapshot of a message.
+
+    Raises:
+        RequestError: Its dimensions do not fit its arrays, or a number is not finite.
+        NetworkError: Its parameters do not fit its layers.
+    """
+    critic_shape = MlpShape(tuple(int(n) for n in msg.critic_sizes))
+    greedy_shape = MlpShape(tuple(int(n) for n in msg.greedy_sizes))
+    states_shape = (msg.n_batches, msg.n_grad, msg.batch_size, msg.observation_dim)
+    snapshot = Snapshot(
+        generation=msg.generation,
+        version=msg.version,
+        critic_shape=critic_shape,
+        critic=np.array(msg.critic, np.float32),
+        greedy_shape=greedy_shape,
+        greedy=np.array(msg.greedy, np.float32),
+        states=finite(shaped(msg.states, states_shape, np.float32, "states"), "states"),
+        transitions=msg.transitions,
+        critic_loss=msg.critic_loss,
+        mean_q=msg.mean_q,
+    )
+    critic_shape.check(snapshot.critic)
+    greedy_shape.check(snapshot.greedy)
+    return snapshot
+
+
+def metrics_to_msg(metrics: Metrics | None, info: RunInfo, cells: int) -> MetricsMsg:
+    """Return metrics as a message without a stamp; None stands for an archive without generations."""
+    msg = MetricsMsg(run_id=info.run_id, task=info.task["name"], cells=cells, generation=-1)
+    msg.max_fitness = msg.mean_fitness = math.nan
+    if metrics:
+        msg.generation = metrics.generation
+        msg.evaluations = metrics.evaluations
+        msg.coverage = metrics.coverage
+        msg.qd_score = metrics.qd_score
+        msg.max_fitness = metrics.max_fitness
+        msg.mean_fitness = metrics.mean_fitness
+        msg.new_elites = sum(metrics.new_elites)
+        msg.improved_elites = sum(metrics.improved_elites)
+        msg.steps = metrics.steps
+    return msg
+
+
+def image_to_msg(rgb: NDArray[np.uint8], stamp: Time) -> Image:
+    """Return a (height, width, 3) uint8 picture as an ``rgb8`` image."""
+    msg = Image(height=rgb.shape[0], width=rgb.shape[1], encoding="rgb8", step=3 * rgb.shape[1])
+    msg.header.stamp = stamp
+    msg.data = array.array("B", np.ascontiguousarray(rgb).tobytes())
+    return msg
+
+
+def behavior_to_msg(elite: Elite) -> Behavior:
+    """Return an elite as a message, without its controller."""
+    parents = [p for p in (elite.parent1, elite.parent2) if p >= 0]
+    return Behavior(
+        cell=int(elite.cell),
+        descriptor=flat(elite.descriptor, "d"),
+        fitness=float(elite.fitness),
+        evaluation=int(elite.evaluation),
+        generation=int(elite.generation),
+        made_by=Operator(elite.operator).name.lower(),
+        parents=parents,
+        steps=int(elite.steps),
+        terminated=bool(elite.terminated),
+    )
+
+
+def controller_to_msg(
+    parameters: NDArray[np.float32], shape: MlpShape, spec: TaskSpec
+) -> Controller:
+    """Return a controller as a message that can be run without anything else."""
+    msg = Controller(task=spec.name, layout=LAYOUT, control_period=float(spec.control_period))
+    msg.layer_sizes = flat(shape.sizes, "q")
+    msg.activations = ["relu"] * (len(shape.sizes) - 2) + ["tanh"]
+    msg.parameters = flat(parameters, "f")
+    msg.observation_names = list(spec.observation_names)
+    msg.observation_units = list(spec.observation_units)
+    msg.action_names = list(spec.action_names)
+    msg.action_units = list(spec.action_units)
+    msg.action_low = flat(spec.action_low, "d")
+    msg.action_high = flat(spec.action_high, "d")
+    return msg
+
+
+@dataclass(frozen=True)
+class Evaluated:
+    """Results of a chunk of evaluations.
+
+    Attributes:
+        fitness: (n,) float64.
+        descriptors: (n, descriptor_dim) float64.
+        steps: (n,) int64 lengths of the episodes [control steps].
+        terminated: (n,) bool.
+    """
+
+    fitness: NDArray[np.float64]
+    descriptors: NDArray[np.float64]
+    steps: NDArray[np.int64]
+    terminated: NDArray[np.bool_]
+
+
+def evaluated_from_msg(msg: Any, n: int, descriptor_dim: int) -> Evaluated:
+    """Read fitness, descriptors, steps and terminated of n solutions from a request or response.
+
+    Raises:
+        RequestError: A field has the wrong length or holds NaN or infinity.
+    """
+    return Evaluated(
+        fitness=finite(shaped(msg.fitness, (n,), np.float64, "fitness"), "fitness"),
+        descriptors=finite(
+            shaped(msg.descriptors, (n, descriptor_dim), np.float64, "descriptors"), "descriptors"
+        ),
+        steps=shaped(msg.steps, (n,), np.int64, "steps"),
+        terminated=shaped(msg.terminated, (n,), np.bool_, "terminated"),
+    )

@@ -1,0 +1,118 @@
+"""What all nodes of the graph share: signs of life, and services that refuse bad requests in words."""
+
+from __future__ import annotations
+
+import os
+import socket
+import threading
+import traceback
+from collections.abc import Callable
+from typing import Any
+
+from pga_me_msgs.msg import NodeStatus
+from rclpy._rclpy_pybind11 import RCLError
+from rclpy.node import Node
+from rclpy.service import Service
+
+from pga_me_ros.core.errors import PgaError, RequestError
+from pga_me_ros.ros import names, qos
+
+HEARTBEAT = 1.0
+"""Seconds between two signs of life."""
+
+Handler = Callable[[Any, Any], None]
+
+
+class GraphNode(Node):
+    """A node that publishes `NodeStatus` and whose services turn errors into refusals.
+
+    Args:
+        kind: Default node name, and the kind in its status.
+    """
+
+    def __init__(self, kind: str) -> None:
+        super().__init__(kind, automatically_declare_parameters_from_overrides=True)
+        self._beat = NodeStatus(
+            node=self.get_fully_qualified_name(),
+            kind=kind,
+            host=socket.gethostname(),
+            pid=os.getpid(),
+        )
+        self._status = self.create_publisher(NodeStatus, names.STATUS, qos.STATUS)
+        self._ended = threading.Event()
+        self._heart = threading.Thread(target=self._live, name="heartbeat", daemon=True)
+
+    def start_heartbeat(self, *, run_id: str = "", task: str = "", versions: str = "") -> None:
+        """Tell the graph that this node is ready: call it when all services are up."""
+        self._beat.run_id, self._beat.task, self._beat.versions = run_id, task, versions
+        self._heart.start()
+
+    def count_done(self, n: int = 1) -> None:
+        """Count finished work in the status."""
+        self._beat.done += n
+
+    def serve(
+        self, srv_type: Any, name: str, handler: Handler, ok_field: str = "accepted"
+    ) -> Service:
+        """Offer a service whose handler fills the response or raises.
+
+        Args:
+            srv_type: Service type; its response has a bool ``ok_field`` and a string ``message``.
+            name: Relative name.
+            handler: ``handler(request, response)``; what it raises becomes a refusal.
+            ok_field: The response's field that says whether the request was served.
+        """
+
+        def callback(request: Any, response: Any) -> Any:
+            try:
+                setattr(response, ok_field, True)
+                handler(request, response)
+            except PgaError as error:
+                self._refuse(response, ok_field, name, str(error))
+            except Exception as error:  # a fault must not take the node down with it
+                self.get_logger().error(traceback.format_exc())
+                reason = f"internal fault: {type(error).__name__}: {error}"
+                self._refuse(response, ok_field, name, reason)
+            return response
+
+        return self.create_service(srv_type, name, callback)
+
+    def check_run(self, run_id: str, ours: str) -> None:
+        """Refuse what does not belong to this run.
+
+        Raises:
+            RequestError: The run ids differ.
+        """
+        if run_id != ours:
+            raise RequestError(
+                f"This request is for run '{run_id}', but this node works for run '{ours}'. "
+                "Use another namespace or ROS domain for another run."
+            )
+
+    def destroy_node(self) -> None:
+        """Stop the signs of life, then destroy the node."""
+        self._ended.set()
+        if self._heart.is_alive():
+            self._heart.join()
+        super().destroy_node()
+
+    def refused(self, reason: str) -> None:
+        """Note a refusal or a message that was dropped, in the log and in the status."""
+        self._beat.refused += 1
+        self._beat.last_error = reason[:500]
+        self.get_logger().warning(reason[:2000])
+
+    def _refuse(self, response: Any, ok_field: str, name: str, reason: str) -> None:
+        self.refused(f"refused a request to {name}: {reason}")
+        setattr(response, ok_field, False)
+        response.message = reason
+
+    def _live(self) -> None:
+        while not self._ended.is_set():
+            try:
+                self._status.publish(self._beat)
+            except RCLError:
+                if self.context.ok():
+                    raise
+                return  # a signal shut the context down between two beats
+            self._ended.wait(HEARTBEAT)

@@ -1,0 +1,25 @@
+"""Names of the graph's topics and services: relative, so that they remap and nest in a namespace."""
+
+from __future__ import annotations
+
+GET_BEHAVIOR = "repertoire/get_behavior"
+LIST_BEHAVIORS = "repertoire/list_behaviors"
+GET_INFO = "repertoire/get_info"
+METRICS = "repertoire/metrics"
+HEATMAP = "repertoire/heatmap"
+
+TRANSITIONS = "experience/transitions"
+SNAPSHOT = "critic/snapshot"
+PROGRESS = "progress"
+STATUS = "status"
+
+EVALUATE = "~/evaluate"
+ADD_TO_ARCHIVE = "archive/add"
+SAMPLE_PARENTS = "archive/sample_parents"
+TRAIN = "critic/train"
+STORE_EXPERIENCE = "critic/store_experience"
+PROPOSE = "variation/propose"
+
+PAUSE = "~/pause"
+RESUME = "~/resume"
+STOP = "~/stop"

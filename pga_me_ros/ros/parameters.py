@@ -1,0 +1,120 @@
+"""ROS parameters from settings dataclasses: declared with descriptors, checked with messages for people."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import fields
+from typing import Any
+
+from rcl_interfaces.msg import (
+    FloatingPointRange,
+    IntegerRange,
+    ParameterDescriptor,
+    SetParametersResult,
+)
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from pga_me_ros.core.errors import PgaError, SettingsError, nearest_name
+from pga_me_ros.core.setting_field import checked_value
+from pga_me_ros.core.settings import Settings
+
+ROS_OWN = ("use_sim_time", "start_type_description_service")
+"""Parameters that rclpy declares by itself."""
+
+
+def declare(node: Node, *kinds: type) -> dict[str, Any]:
+    """Declare the fields of settings dataclasses as parameters and return their values.
+
+    The node must have been made with ``automatically_declare_parameters_from_overrides=True``, so that every value
+    given on the command line or in a YAML file is seen, the misspelt ones too.
+
+    Args:
+        node: Node to declare on.
+        kinds: Dataclasses whose fields were made by `pga_me_ros.core.settings.setting`.
+
+    Returns:
+        Checked values by name.
+
+    Raises:
+        SettingsError: A given name is unknown, or a value has the wrong type or is out of range.
+    """
+    given = {n: p.value for n, p in node.get_parameters_by_prefix("").items() if not _own(n)}
+    known = {f.name: f for kind in kinds for f in fields(kind)}
+    for name in given:
+        if name not in known:
+            raise SettingsError(
+                f"Unknown parameter '{name}'{nearest_name(name, known)}; "
+                f"node '{node.get_name()}' has: {', '.join(known)}."
+            )
+        node.undeclare_parameter(name)
+    values = {}
+    for name, f in known.items():
+        values[name] = checked_value(f, given.get(name, f.default))
+        value = list(values[name]) if isinstance(values[name], tuple) else values[name]
+        node.declare_parameter(name, value, descriptor(f), ignore_override=True)
+    return values
+
+
+def declare_run(node: Node, options: type) -> tuple[Settings, dict[str, Any]]:
+    """Declare the settings of a run and a node's own options.
+
+    Returns:
+        The settings, and the options by name.
+
+    Raises:
+        SettingsError: As in `declare`, or the settings do not fit each other.
+    """
+    values = declare(node, Settings, options)
+    names = {f.name for f in fields(Settings)}
+    settings = Settings.from_mapping({n: v for n, v in values.items() if n in names})
+    return settings, {n: v for n, v in values.items() if n not in names}
+
+
+def descriptor(f: Any) -> ParameterDescriptor:
+    """Return the ROS descriptor of a settings field: description, unit, symbol, range, read-only or not."""
+    meta = f.metadata
+    text = meta["description"]
+    if meta["symbol"]:
+        text += f" Symbol: {meta['symbol']}."
+    if meta["unit"]:
+        text += f" Unit: {meta['unit']}."
+    out = ParameterDescriptor(description=text, read_only=not meta["rate"])
+    if meta["choices"]:
+        out.additional_constraints = "one of: " + ", ".join(meta["choices"])
+    if meta["low"] is not None and isinstance(f.default, float):
+        out.floating_point_range = [
+            FloatingPointRange(from_value=float(meta["low"]), to_value=float(meta["high"]))
+        ]
+    elif meta["low"] is not None:
+        out.integer_range = [IntegerRange(from_value=int(meta["low"]), to_value=int(meta["high"]))]
+    return out
+
+
+def on_change(
+    node: Node, check: Callable[[dict[str, Any]], None], apply: Callable[[dict[str, Any]], None]
+) -> None:
+    """Check changes of rates before they are accepted and hand them on afterwards.
+
+    Args:
+        node: Node whose parameters change.
+        check: Called with the changed names and values; raises `PgaError` to refuse them.
+        apply: Called with those accepted.
+    """
+
+    def checked(parameters: Iterable[Parameter]) -> SetParametersResult:
+        try:
+            check({p.name: p.value for p in parameters if not _own(p.name)})
+        except PgaError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    def applied(parameters: Iterable[Parameter]) -> None:
+        apply({p.name: p.value for p in parameters if not _own(p.name)})
+
+    node.add_on_set_parameters_callback(checked)
+    node.add_post_set_parameters_callback(applied)
+
+
+def _own(name: str) -> bool:
+    return name in ROS_OWN or name.startswith("qos_overrides.")

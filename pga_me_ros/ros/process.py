@@ -1,0 +1,84 @@
+"""Start and end of a node's process: errors in one line, quiet Ctrl-C, no orphans."""
+
+from __future__ import annotations
+
+import os
+import sys
+import threading
+import traceback
+from collections.abc import Callable
+
+import rclpy
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.node import Node
+
+from pga_me_ros.core.errors import PgaError
+
+PARENT_WATCH = "PGA_ME_PARENT_WATCH"
+"""Environment variable that tells a child to end when its standard input closes, that is, when its parent is gone."""
+
+GRACE = 2.0
+"""Seconds that a child gets to end by itself after its parent is gone."""
+
+EXIT_FAULT = 1
+EXIT_BAD_INPUT = 2
+
+
+def run_node(make: Callable[[], Node], args: list[str] | None = None) -> int:
+    """Run one node until it is told to stop.
+
+    Args:
+        make: Makes the node; called after ``rclpy.init``.
+        args: Command line without the program's name; None takes the process's own.
+
+    Returns:
+        Exit code: 0 after a shutdown, 2 for bad input, 1 for a fault.
+    """
+    node: Node | None = None
+    try:
+        rclpy.init(args=args)
+        watch_parent()
+        node = make()
+        executor = SingleThreadedExecutor()
+        executor.add_node(node)
+        executor.spin()
+    except (KeyboardInterrupt, ExternalShutdownException):
+        return 0
+    except Exception as error:
+        return report(error)
+    finally:
+        if node is not None:
+            node.destroy_node()
+        rclpy.try_shutdown()
+    return 0
+
+
+def report(error: Exception) -> int:
+    """Print an error as a person wants to read it and return the exit code that goes with it."""
+    if isinstance(error, PgaError):
+        print(f"error: {error}", file=sys.stderr, flush=True)
+        return EXIT_BAD_INPUT
+    if type(error).__name__ in ("RCLError", "UnknownROSArgsError", "RCLInvalidROSArgsError"):
+        reason = " ".join(str(error).split())
+        print(f"error: ROS 2 could not start: {reason}", file=sys.stderr, flush=True)
+        return EXIT_BAD_INPUT
+    traceback.print_exception(error)
+    return EXIT_FAULT
+
+
+def watch_parent() -> None:
+    """End this process soon after its parent is gone, if it was started as a child of the graph.
+
+    The parent holds the other end of standard input; the kernel closes it however the parent dies.
+    """
+    if os.environ.get(PARENT_WATCH) != "1":
+        return
+
+    def wait_for_end_of_input() -> None:
+        while os.read(0, 4096):
+            pass
+        rclpy.try_shutdown()
+        threading.Event().wait(GRACE)
+        os._exit(EXIT_FAULT)
+
+    threading.Thread(target=wait_for_end_of_input, name="parent watch", daemon=True).start()

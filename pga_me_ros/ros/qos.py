@@ -1,0 +1,32 @@
+"""Quality of service of every topic and service of the graph, by name."""
+
+from __future__ import annotations
+
+from rclpy.qos import (
+    DurabilityPolicy,
+    HistoryPolicy,
+    QoSProfile,
+    ReliabilityPolicy,
+)
+
+
+def _reliable(depth: int, *, latched: bool = False) -> QoSProfile:
+    return QoSProfile(
+        depth=depth,
+        history=HistoryPolicy.KEEP_LAST,
+        reliability=ReliabilityPolicy.RELIABLE,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
+    )
+
+
+EXPERIENCE_WRITER = _reliable(200)
+"""An evaluator's side of experience/transitions. Bounded: a subscriber that hangs costs 200 episodes of memory."""
+
+EXPERIENCE_READER = _reliable(2000)
+"""The trainer's side: one reader's depth is shared by all evaluators, and a generation must fit into it."""
+
+LATCHED = _reliable(1, latched=True)
+"""Newest state for whoever comes, however late: critic snapshots, metrics, heatmap, progress."""
+
+STATUS = _reliable(50)
+"""Signs of life of the nodes."""
