@@ -267,6 +267,7 @@ class EvaluatorPool:
                 for chunk in worker.chunks
                 for k in chunk.ids
                 if now - chunk.sent > 1.0 + STRAGGLER * self._seconds * len(chunk.ids)
+                and k in self._parameters  # not of an earlier generation, done twice and forgotten
                 and k not in self._outcomes
             ]
             if late and self._seconds:
