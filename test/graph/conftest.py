@@ -1,0 +1,28 @@
+"""Real nodes in real processes, each test in a ROS domain of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from domain_coordinator import domain_id
+from graph import Graph, Probe
+
+
+@pytest.fixture
+def graph(tmp_path: Path) -> Iterator[Graph]:
+    """Start nodes in a private ROS domain; whatever is left of them is killed at the end."""
+    with domain_id() as domain:
+        graph = Graph(domain, tmp_path)
+        yield graph
+        graph.kill()
+
+
+@pytest.fixture
+def probe(graph: Graph, monkeypatch: pytest.MonkeyPatch) -> Iterator[Probe]:
+    """A node of this process in the same domain, to call services and listen to topics with."""
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    probe = Probe(graph.domain)
+    yield probe
+    probe.close()

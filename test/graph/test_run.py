@@ -1,0 +1,18 @@
+"""A run of the whole graph from start to end."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from graph import Graph
+
+from pga_me_ros.core.storage import Repertoire
+
+
+def test_a_run_ends_with_a_repertoire_of_its_budget(graph: Graph, tmp_path: Path) -> None:
+    run = graph.run(tmp_path / "run")
+    assert run.wait() == 0, run.output
+    with Repertoire.open(tmp_path / "run" / "repertoire.db", read_only=True) as repertoire:
+        metrics = repertoire.metrics()
+    assert [m.evaluations for m in metrics] == [10, 20, 30]
+    assert metrics[-1].offspring == (0, 5, 4, 1)
