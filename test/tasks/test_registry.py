@@ -50,12 +50,12 @@ def test_own_task_is_loaded_by_module_and_class() -> None:
 @pytest.mark.parametrize(
     ("name", "message"),
     [
-        ("qd_wlker", "did you mean 'qd_walker'?"),
+        ("qd_wlker", "(did you mean 'qd_walker'?)"),
         ("walking", "built-in tasks are qd_walker, qd_half_cheetah, qd_ant, qd_hopper"),
         ("", "module.path:Class"),
         ("no_such_module:Task", "'no_such_module' does not load"),
         (":Task", "does not load"),
-        ("broken_tasks:Pont", "no class 'Pont'; did you mean 'Point'?"),
+        ("broken_tasks:Pont", "no class 'Pont' (did you mean 'Point'?)"),
         ("broken_tasks:", "no class ''"),
         ("broken_tasks:SPEC", "no class 'SPEC'"),
         ("broken_tasks:NoSpec", "'spec' that is a TaskSpec"),

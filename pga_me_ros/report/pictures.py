@@ -1,0 +1,102 @@
+"""The pictures: archives as in Figure 4, learning curves as in Figure 3 (Nilsson & Cully 2021)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import LinearSegmentedColormap, Normalize
+from matplotlib.figure import Figure
+
+from pga_me_ros.core.heatmap import ANCHORS, render
+from pga_me_ros.report.stored_run import StoredRun
+
+CURVES = (
+    ("qd_score", "QD-score (sum of fitness)"),
+    ("coverage", "coverage (filled cells)"),
+    ("max_fitness", "best fitness"),
+)
+FORMATS = ("png", "svg")
+COLOUR = "#28708c"
+PIXELS = 960
+
+mpl.use("Agg")
+mpl.rcParams["svg.hashsalt"] = "pga_me_ros"  # the same run gives the same file
+
+
+def draw_archive(run: StoredRun, folder: Path) -> list[Path]:
+    """Draw the archive of a run as a heatmap of fitness.
+
+    Args:
+        run: The run.
+        folder: Where to.
+
+    Returns:
+        The files.
+    """
+    figure = Figure(figsize=(6.4, 3.2 if run.archive.dimensions == 1 else 5.4), layout="constrained")
+    axes = figure.add_subplot()
+    low, high = run.archive.low, run.archive.high
+    extent = (low[0], high[0], *((low[1], high[1]) if len(low) > 1 else (0.0, 1.0)))
+    axes.imshow(render(run.archive, PIXELS), extent=extent, aspect="auto", interpolation="nearest")
+    _label(axes, run)
+    last = run.metrics[-1]
+    axes.set_title(
+        f"{run.spec.name}: {last.coverage} of {run.archive.cells} cells after "
+        f"{last.evaluations:,} evaluations",
+        fontsize=10,
+    )
+    fitness = run.archive.fitness[run.archive.filled]
+    colours = LinearSegmentedColormap.from_list("fitness", np.array(ANCHORS) / 255.0)
+    scale = mpl.cm.ScalarMappable(Normalize(fitness.min(), fitness.max()), colours)
+    figure.colorbar(scale, ax=axes, label="fitness (sum of rewards)")
+    return _save(figure, folder / f"{run.name}-archive")
+
+
+def draw_curves(runs: Sequence[StoredRun], folder: Path) -> list[Path]:
+    """Draw learning curves of runs of one task: the median, and the quartiles if there are several.
+
+    Args:
+        runs: The runs; what counts is as far as the shortest of them goes.
+        folder: Where to.
+
+    Returns:
+        The files.
+    """
+    figure = Figure(figsize=(9.6, 2.9), layout="constrained")
+    length = min(len(run.metrics) for run in runs)
+    evaluations = runs[0].curve("evaluations")[:length]
+    for axes, (name, label) in zip(figure.subplots(1, len(CURVES)), CURVES, strict=True):
+        curves = np.stack([run.curve(name)[:length] for run in runs])
+        first, median, third = np.quantile(curves, (0.25, 0.5, 0.75), axis=0)
+        axes.plot(evaluations, median, color=COLOUR)
+        if len(runs) > 1:
+            axes.fill_between(evaluations, first, third, color=COLOUR, alpha=0.25, linewidth=0)
+        axes.set_xlabel("evaluations")
+        axes.set_ylabel(label)
+        axes.grid(alpha=0.3)
+        axes.spines[["top", "right"]].set_visible(False)
+    many = f", median and quartiles of {len(runs)} runs" if len(runs) > 1 else ""
+    figure.suptitle(f"{runs[0].spec.name}{many}", fontsize=10)
+    return _save(figure, folder / f"{runs[0].spec.name}-curves")
+
+
+def _label(axes: Axes, run: StoredRun) -> None:
+    """Name the axes by the descriptors; nested maps name inner and outer ones."""
+    names = [name.replace("_", " ") for name in run.spec.descriptor_names]
+    axes.set_xlabel(" (outer), ".join(names[0::2]) + (" (inner)" if len(names) > 2 else ""))
+    if len(names) > 1:
+        axes.set_ylabel(" (outer), ".join(names[1::2]) + (" (inner)" if len(names) > 2 else ""))
+    else:
+        axes.set_yticks([])
+
+
+def _save(figure: Figure, stem: Path) -> list[Path]:
+    files = [stem.with_name(f"{stem.name}.{kind}") for kind in FORMATS]
+    for file in files:
+        metadata = {"Date": None} if file.suffix == ".svg" else {}
+        figure.savefig(file, dpi=120, metadata=metadata)
+    return files
