@@ -1,0 +1,98 @@
+"""Reports on stored runs of tasks with one, two and four descriptors."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.image import imread
+
+from pga_me_ros.core.elites import Solutions
+from pga_me_ros.core.metrics import Metrics, generation_metrics
+from pga_me_ros.core.run_directory import open_run
+from pga_me_ros.core.settings import RATES, Settings
+from pga_me_ros.core.storage import Repertoire
+from pga_me_ros.tasks.registry import task_spec
+
+TASKS = ["qd_hopper", "qd_walker", "qd_ant"]
+
+
+def stored(folder: Path, task: str, seed: int) -> Path:
+    """Store a run of three generations with made-up fitness and descriptors."""
+    spec = task_spec(task)
+    settings = Settings(
+        task=task, seed=seed, cells=100, cvt_samples=1000, controller_hidden=(4,), batch_size=10
+    )
+    path = folder / f"{task}-{seed}"
+    directory = open_run(path, spec, settings)
+    directory.lock.release()
+    rng = np.random.default_rng(seed)
+    before: Metrics | None = None
+    with Repertoire.open(directory.repertoire) as repertoire:
+        archive = repertoire.load_archive()
+        for generation in range(3):
+            batch = Solutions.of(
+                fitness=rng.uniform(0, 100, 10),
+                descriptors=rng.random((10, spec.descriptor_dim)),
+                parameters=np.zeros((10, archive.parameter_count)),
+                evaluations=range(10 * generation, 10 * generation + 10),
+                generation=generation,
+            )
+            added = archive.add(batch)
+            before = generation_metrics(archive, batch, added, generation, before)
+            elites = [archive.elite(cell) for cell in added.changed_cells.tolist()]
+            rates = {name: getattr(settings, name) for name in RATES}
+            repertoire.commit(generation, elites, before, rates)
+    return path
+
+
+def report(*arguments: object) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "pga_me_ros.report", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, check=False)
+
+
+@pytest.mark.parametrize("task", TASKS)
+def test_pictures_of_one_run_show_something(task: str, tmp_path: Path) -> None:
+    result = report(stored(tmp_path, task, 1), "--out", tmp_path / "out")
+    assert result.returncode == 0, result.stderr
+    files = sorted(path.name for path in (tmp_path / "out").iterdir())
+    assert files == [
+        f"{task}-1-archive.png",
+        f"{task}-1-archive.svg",
+        f"{task}-curves.png",
+        f"{task}-curves.svg",
+    ]
+    picture = imread(tmp_path / "out" / f"{task}-1-archive.png")
+    assert len(np.unique(picture.reshape(-1, picture.shape[-1]), axis=0)) > 20
+
+
+def test_the_table_has_every_run_and_the_median(tmp_path: Path) -> None:
+    runs = [stored(tmp_path, "qd_walker", seed) for seed in (1, 2, 3)]
+    lines = report(*runs, "--out", tmp_path / "out").stdout.splitlines()
+    best = []
+    for run in runs:
+        with Repertoire.open(run / "repertoire.db", read_only=True) as repertoire:
+            best.append(repertoire.metrics()[-1].max_fitness)
+    assert [line.split(" | ")[-1] for line in lines[2:6]] == [
+        f"{value:,.0f} |" for value in [*best, np.median(best)]
+    ]
+
+
+def test_the_same_run_gives_the_same_drawing(tmp_path: Path) -> None:
+    run = stored(tmp_path, "qd_ant", 1)
+    drawings = []
+    for name in ("one", "two"):
+        report(run, "--out", tmp_path / name)
+        drawings.append((tmp_path / name / "qd_ant-1-archive.svg").read_bytes())
+    assert drawings[0] == drawings[1]
+
+
+def test_a_folder_without_a_run_is_told_in_one_line(tmp_path: Path) -> None:
+    result = report(tmp_path, "--out", tmp_path / "out")
+    assert result.returncode == 2
+    assert result.stderr.startswith("error: ")
+    assert result.stderr.count("\n") == 1
+    assert str(tmp_path) in result.stderr
