@@ -24,7 +24,13 @@ def stored(folder: Path, task: str, seed: int) -> Path:
     """Store a run of three generations with made-up fitness and descriptors."""
     spec = task_spec(task)
     settings = Settings(
-        task=task, seed=seed, cells=100, cvt_samples=1000, controller_hidden=(4,), batch_size=10
+        task=task,
+        seed=seed,
+        cells=100,
+        cvt_samples=1000,
+        controller_hidden=(4,),
+        batch_size=10,
+        n_evo=5,
     )
     path = folder / f"{task}-{seed}"
     directory = open_run(path, spec, settings)
