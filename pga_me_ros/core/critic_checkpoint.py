@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import re
 from pathlib import Path
 from typing import Any
 
@@ -11,86 +10,99 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pga_me_ros.core.checkpoint import load_checkpoint, save_checkpoint
+from pga_me_ros.core.errors import StorageError
+from pga_me_ros.core.generation_files import GenerationFiles
 from pga_me_ros.core.policy import MlpShape
 from pga_me_ros.core.schedule import TrainingOrder
 from pga_me_ros.core.snapshot import Snapshot
 
-FILE_PATTERN = re.compile(r"critic-(\d{8})\.ckpt")
-
 KEPT = 3
 """Newest checkpoints that are kept: a run may be resumed one generation before the newest."""
 
+STATE = "state."
+SNAPSHOT = "snapshot."
+
+CriticState = dict[str, NDArray[Any]]
+"""What `Learner.state` returns: networks, targets and optimisers by name."""
+
 
 class CriticCheckpoints:
-    """Checkpoints in the folder of a run.
+    """Checkpoints in the folder of a run, each the outcome of one training.
 
     Args:
-        directory: Folder; must exist.
+        directory: The folder; made if absent.
+
+    Raises:
+        StorageError: The folder cannot be made.
     """
 
     def __init__(self, directory: Path) -> None:
-        self._dir = directory
+        self._files = GenerationFiles(directory, "critic")
 
-    def save(
-        self, order: TrainingOrder, snapshot: Snapshot, state: dict[str, NDArray[Any]]
-    ) -> None:
+    def save(self, order: TrainingOrder, snapshot: Snapshot, state: CriticState) -> None:
         """Make the outcome of a training durable, and drop what can no longer be needed.
+
+        That is what is older than the newest `KEPT`, and what was trained for later generations: those
+        trainings started from a state that this one replaces.
 
         Raises:
             StorageError: The file cannot be written.
         """
-        arrays = {f"state.{name}": value for name, value in state.items()}
+        arrays = {f"{STATE}{name}": value for name, value in state.items()}
         meta: dict[str, Any] = {"order": dataclasses.asdict(order)}
         for f in dataclasses.fields(Snapshot):
             value = getattr(snapshot, f.name)
             if isinstance(value, np.ndarray):
-                arrays[f"snapshot.{f.name}"] = value
+                arrays[f"{SNAPSHOT}{f.name}"] = value
             elif isinstance(value, MlpShape):
                 meta[f.name] = list(value.sizes)
             else:
                 meta[f.name] = value
-        save_checkpoint(self._path(order.generation), arrays, meta)
-        generations = self._generations()
+        save_checkpoint(self._files.path(order.generation), arrays, meta)
+        generations = self._files.generations()
         stale = [g for g in generations if g > order.generation]
         old = [g for g in generations if g <= order.generation][:-KEPT]
         for generation in stale + old:
-            self._path(generation).unlink()
+            self._files.delete(generation)
 
-    def find(self, order: TrainingOrder) -> tuple[Snapshot, dict[str, NDArray[Any]]] | None:
+    def find(self, order: TrainingOrder) -> tuple[Snapshot, CriticState] | None:
         """Return the outcome of exactly this training, if it was done before.
 
         Raises:
             StorageError: Its file is damaged.
         """
-        if order.generation not in self._generations():
+        if order.generation not in self._files.generations():
             return None
         snapshot, state, theirs = self._load(order.generation)
         return (snapshot, state) if theirs == dataclasses.asdict(order) else None
 
-    def before(self, generation: int) -> tuple[Snapshot, dict[str, NDArray[Any]]] | None:
+    def before(self, generation: int) -> tuple[Snapshot, CriticState] | None:
         """Return the newest outcome for an earlier generation, None when there is none.
 
         Raises:
             StorageError: Its file is damaged.
         """
-        earlier = [g for g in self._generations() if g < generation]
+        earlier = [g for g in self._files.generations() if g < generation]
         return self._load(earlier[-1])[:2] if earlier else None
 
-    def _load(self, generation: int) -> tuple[Snapshot, dict[str, NDArray[Any]], dict[str, Any]]:
-        arrays, meta = load_checkpoint(self._path(generation))
-        values: dict[str, Any] = {}
-        for f in dataclasses.fields(Snapshot):
-            if f.name.endswith("_shape"):
-                values[f.name] = MlpShape(tuple(meta[f.name]))
-            else:
-                values[f.name] = arrays.get(f"snapshot.{f.name}", meta.get(f.name))
-        prefix = "state."
-        state = {n.removeprefix(prefix): a for n, a in arrays.items() if n.startswith(prefix)}
-        return Snapshot(**values), state, meta["order"]
+    def _load(self, generation: int) -> tuple[Snapshot, CriticState, dict[str, Any]]:
+        path = self._files.path(generation)
+        arrays, meta = load_checkpoint(path)
+        values: dict[str, Any] = {
+            n.removeprefix(SNAPSHOT): a for n, a in arrays.items() if n.startswith(SNAPSHOT)
+        }
+        state = {n.removeprefix(STATE): a for n, a in arrays.items() if n.startswith(STATE)}
+        try:
+            order = meta.pop("order")
+            values |= {name: _plain_or_shape(name, value) for name, value in meta.items()}
+            snapshot = Snapshot(**values)
+        except (KeyError, TypeError) as error:
+            raise StorageError(
+                f"'{path}' holds no outcome of a critic training ({error}); restore it from a copy, "
+                "or start the run anew."
+            ) from error
+        return snapshot, state, order
 
-    def _path(self, generation: int) -> Path:
-        return self._dir / f"critic-{generation:08d}.ckpt"
 
-    def _generations(self) -> list[int]:
-        matches = (FILE_PATTERN.fullmatch(p.name) for p in self._dir.iterdir())
-        return sorted(int(m[1]) for m in matches if m)
+def _plain_or_shape(name: str, value: Any) -> Any:
+    return MlpShape(tuple(value)) if name.endswith("_shape") else value

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -10,12 +9,10 @@ import numpy as np
 
 from pga_me_ros.core.checkpoint import load_checkpoint, save_checkpoint
 from pga_me_ros.core.errors import RequestError, StorageError
+from pga_me_ros.core.generation_files import GenerationFiles
 from pga_me_ros.core.schedule import evaluation_ids
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.tasks.rollout import Episode
-
-FILE = "experience-{:08d}.ckpt"
-FILE_PATTERN = re.compile(r"experience-(\d{8})\.ckpt")
 
 
 class Experience:
@@ -25,25 +22,18 @@ class Experience:
     fallen out of the replay buffer's window is deleted.
 
     Args:
-        directory: Where the files are; made if absent.
+        directory: The folder of the files; made if absent.
         settings: Settings of the run.
 
     Raises:
-        StorageError: The directory cannot be made.
+        StorageError: The folder cannot be made.
     """
 
     def __init__(self, directory: Path, settings: Settings) -> None:
-        self._dir = directory
+        self._files = GenerationFiles(directory, "experience")
         self._settings = settings
         self._staged: dict[int, dict[int, Episode]] = {}
         self._lengths: dict[int, int] = {}
-        try:
-            directory.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise StorageError(
-                f"Cannot make the folder '{directory}' ({error.strerror}); choose a run_dir that "
-                "can be written to."
-            ) from None
 
     def stage(self, generation: int, evaluation: int, episode: Episode) -> bool:
         """Take an episode that has arrived.
@@ -67,7 +57,11 @@ class Experience:
         return True
 
     def missing(self, generation: int) -> list[int]:
-        """Return the evaluation ids of a generation that have not arrived."""
+        """Return the evaluation ids of a generation that have not arrived.
+
+        A file of that generation does not count: if the run was killed between storing a generation and adding it to
+        the archive, it may be done again with other rates.
+        """
         staged = self._staged.get(generation, {})
         return [k for k in evaluation_ids(self._settings, generation) if k not in staged]
 
@@ -75,31 +69,41 @@ class Experience:
         """Write a complete generation to its file and drop what is too old to matter.
 
         Raises:
+            RequestError: Some of its episodes have not arrived.
             StorageError: The file cannot be written.
         """
-        episodes = [e for _, e in sorted(self._staged[generation].items())]
-        save_checkpoint(self._path(generation), _pack(episodes), {"generation": generation})
+        if missing := self.missing(generation):
+            raise RequestError(
+                f"{len(missing)} episodes of generation {generation} have not arrived, the first of "
+                f"evaluation {missing[0]}; send them before it is stored."
+            )
+        episodes = self._staged_episodes(generation)
+        save_checkpoint(self._files.path(generation), _pack(episodes), {"generation": generation})
         self._lengths[generation] = sum(e.length for e in episodes)
         for old in [g for g in self._staged if g < generation - 1]:
             del self._staged[old]
         self._drop_old(generation)
-
-    def is_stored(self, generation: int) -> bool:
-        """Whether a generation's file is there."""
-        return self._path(generation).exists()
 
     def episodes(self, generation: int) -> Sequence[Episode]:
         """Return a generation's episodes in evaluation order.
 
         Raises:
             RequestError: It is neither staged completely nor stored.
-            StorageError: Its file is damaged.
+            StorageError: Its file is damaged or another generation's.
         """
-        if generation in self._staged and not self.missing(generation):
-            return [e for _, e in sorted(self._staged[generation].items())]
-        if not self.is_stored(generation):
-            raise RequestError(f"The experience of generation {generation} is not here.")
-        arrays, _ = load_checkpoint(self._path(generation))
+        if not self.missing(generation):
+            return self._staged_episodes(generation)
+        path = self._files.path(generation)
+        if not path.exists():
+            raise RequestError(
+                f"The experience of generation {generation} is not here; send its episodes."
+            )
+        arrays, meta = load_checkpoint(path)
+        if meta.get("generation") != generation:
+            raise StorageError(
+                f"'{path}' holds {meta}, not the experience of generation {generation}; restore the "
+                "file that belongs there, or start a new run."
+            )
         return list(_unpack(arrays))
 
     def window(self, newest: int) -> range:
@@ -108,26 +112,25 @@ class Experience:
         Raises:
             StorageError: A generation in between is missing.
         """
-        stored = [g for g in self._stored_generations() if g <= newest]
+        if newest < 0:
+            return range(0)
+        stored = [g for g in self._files.generations() if g <= newest]
         if not stored:
-            if newest < 0:
-                return range(0)
-            raise StorageError(f"The folder '{self._dir}' holds no experience up to {newest}.")
+            raise StorageError(
+                f"The folder '{self._files.directory}' holds no experience up to generation {newest}; "
+                "restore its files or start a new run."
+            )
         expected = range(stored[0], newest + 1)
         if stored != list(expected):
             gap = min(set(expected) - set(stored))
             raise StorageError(
-                f"The experience of generation {gap} is missing in '{self._dir}'; restore the file "
-                f"'{FILE.format(gap)}' or start a new run."
+                f"The experience of generation {gap} is missing; restore "
+                f"'{self._files.path(gap)}' or start a new run."
             )
         return expected
 
-    def _path(self, generation: int) -> Path:
-        return self._dir / FILE.format(generation)
-
-    def _stored_generations(self) -> list[int]:
-        matches = (FILE_PATTERN.fullmatch(p.name) for p in self._dir.iterdir())
-        return sorted(int(m[1]) for m in matches if m)
+    def _staged_episodes(self, generation: int) -> list[Episode]:
+        return [e for _, e in sorted(self._staged[generation].items())]
 
     def _length(self, generation: int) -> int:
         if generation not in self._lengths:
@@ -140,11 +143,9 @@ class Experience:
         One generation more than the window is kept: a run that is resumed may train on all but the newest.
         """
         kept = 0
-        for generation in range(newest - 1, -1, -1):
-            if not self.is_stored(generation):
-                return
+        for generation in reversed([g for g in self._files.generations() if g < newest]):
             if kept >= self._settings.replay_size:
-                self._path(generation).unlink()
+                self._files.delete(generation)
                 self._lengths.pop(generation, None)
             else:
                 kept += self._length(generation)

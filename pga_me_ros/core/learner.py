@@ -24,6 +24,14 @@ class Learner:
         spec: Task.
         settings: Settings of the run.
         device: Torch device of the critics.
+
+    Attributes:
+        version: Critic training steps done since the start of the run.
+        newest: Newest generation in the replay buffer, -1 when it is empty.
+
+    Raises:
+        SettingsError: The device cannot be used here.
+        PgaError: The machine cannot reserve memory for `replay_size` transitions.
     """
 
     def __init__(self, spec: TaskSpec, settings: Settings, device: str = "cpu") -> None:
@@ -34,18 +42,21 @@ class Learner:
         self.newest = -1
         self._clear_replay()
 
-    @property
-    def transitions(self) -> int:
-        """Transitions in the replay buffer."""
-        return len(self._replay)
-
     def forget_experience(self) -> None:
         """Empty the replay buffer, so that it can be filled again from stored experience."""
         self._clear_replay()
         self.newest = -1
 
     def add(self, generation: int, episodes: Iterable[Episode]) -> None:
-        """Add one generation's experience to the replay buffer, in evaluation order (Alg. 3 line 20)."""
+        """Add one generation's experience to the replay buffer, in evaluation order (Alg. 3 line 20).
+
+        Args:
+            generation: Number of the generation, `newest` + 1.
+            episodes: All its episodes.
+
+        Raises:
+            PgaError: An episode is of another robot.
+        """
         for e in episodes:
             self._replay.add_episode(
                 e.states, e.actions, e.rewards, e.terminated, self._spec.max_steps
@@ -53,7 +64,14 @@ class Learner:
         self.newest = generation
 
     def start_greedy_at(self, parameters: NDArray[np.float32]) -> None:
-        """Start the greedy controller as a copy of a controller (setting ``greedy_init: best``)."""
+        """Start the greedy controller as a copy of a controller (setting ``greedy_init: best``).
+
+        Args:
+            parameters: (P,) float32.
+
+        Raises:
+            NetworkError: They do not fit the layers.
+        """
         self._trainer.set_greedy(parameters)
 
     def train(self, rates: Settings, generation: int) -> Snapshot:
@@ -62,6 +80,10 @@ class Learner:
         Args:
             rates: Settings with the rates in force.
             generation: Generation whose offspring it is for.
+
+        Raises:
+            PgaError: The replay buffer is empty.
+            NetworkError: The training diverged.
         """
         losses = self._trainer.train(self._replay, rates, generation)
         self.version += rates.n_crit

@@ -19,6 +19,9 @@ def make_archive(spec: TaskSpec, settings: Settings) -> Archive:
     Args:
         spec: Task; gives bounds, and cells or bins where the settings leave them open.
         settings: Settings of the run.
+
+    Raises:
+        ArchiveError: Fewer `cvt_samples` than cells.
     """
     count = controller_shape(spec, settings).parameter_count
     if settings.archive == "grid":

@@ -22,7 +22,14 @@ Float32Array = NDArray[np.float32]
 def random_controllers(
     settings: Settings, shape: MlpShape, generation: int, first: int, count: int
 ) -> Float32Array:
-    """Return random controllers for places first..first+count-1 of a batch.
+    """Return random controllers for consecutive places of a batch (Alg. 3 line 10).
+
+    Args:
+        settings: Settings of the run.
+        shape: Layers of the controllers.
+        generation: Their generation.
+        first: Place of the first one.
+        count: How many, at least 1.
 
     Returns:
         (count, P) float32 parameters.
@@ -51,6 +58,9 @@ def ga_offspring(
 
     Returns:
         (n, P) float32 parameters.
+
+    Raises:
+        NetworkError: A parent does not fit the layers.
     """
     return np.stack(
         [
@@ -69,7 +79,12 @@ def ga_offspring(
 
 
 def pg_states(snapshot: Snapshot, first: int, count: int) -> Float32Array:
-    """Return the replay states that PG offspring at the given places climb on.
+    """Return the replay states that PG offspring at the given places climb on (Alg. 5 line 16).
+
+    Args:
+        snapshot: State of the critics for their generation.
+        first: Place of the first one.
+        count: How many.
 
     Returns:
         (n_grad, N, observation_dim) when all share them, else (count, n_grad, N, observation_dim).

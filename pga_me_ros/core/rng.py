@@ -22,7 +22,6 @@ class Purpose(IntEnum):
     PG_BATCHES = 6
     CRITIC_INIT = 7
     CRITIC_TRAINING = 8
-    GET_BEHAVIOR = 9
 
 
 def generator(

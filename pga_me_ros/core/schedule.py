@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pga_me_ros.core.elite_table import EliteTable
 from pga_me_ros.core.elites import Operator
@@ -127,19 +128,30 @@ def evaluation_ids(settings: Settings, generation: int) -> range:
 
 
 def evaluation_rng(seed: int, evaluation: int) -> np.random.Generator:
-    """Return the generator that the initial pose of one evaluation is drawn from."""
+    """Return the generator of one evaluation's initial pose; ids are unique, so it needs no generation."""
     return generator(seed, Purpose.EVALUATION, 0, evaluation)
 
 
 def sample_parents(
     archive: EliteTable, seed: int, generation: int, first: int, count: int, each: int
-) -> np.ndarray:
+) -> NDArray[np.int64]:
     """Draw parents uniformly over filled cells, with replacement (Alg. 5 lines 4 and 7).
 
     Every offspring has a generator of its own, so any division of a batch draws the same parents.
 
+    Args:
+        archive: Elites to draw from.
+        seed: Seed of the run.
+        generation: Generation of the offspring.
+        first: Place of the first offspring in the batch.
+        count: Number of offspring, at least 1.
+        each: Parents of each.
+
     Returns:
         (count, each) int64 array of cells.
+
+    Raises:
+        ArchiveError: The archive is empty.
     """
     draws = [
         archive.sample_parents(generator(seed, Purpose.PARENTS, generation, place), each)

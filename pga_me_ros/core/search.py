@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from pga_me_ros.core.archive import Archive
 from pga_me_ros.core.elites import NO_PARENT, Operator, Solutions
+from pga_me_ros.core.errors import RequestError
 from pga_me_ros.core.learner import Learner
 from pga_me_ros.core.make_archive import make_archive
 from pga_me_ros.core.metrics import Metrics, generation_metrics
@@ -59,7 +60,13 @@ class Search:
 
     Args:
         spec: Task.
-        settings: Settings of the run; `settings` may be replaced between generations to change rates.
+        settings: Settings of the run.
+
+    Attributes:
+        settings: Settings with the rates in force; may be replaced between generations to change rates.
+        archive: The archive so far.
+        learner: Critics, greedy controller and replay buffer.
+        metrics: Metrics after each generation.
     """
 
     def __init__(self, spec: TaskSpec, settings: Settings) -> None:
@@ -77,7 +84,11 @@ class Search:
         return len(self.metrics)
 
     def ask(self) -> Batch:
-        """Make the next generation (Alg. 3 lines 9-13)."""
+        """Make the next generation (Alg. 3 lines 9-13).
+
+        Raises:
+            NetworkError: Critic training diverged.
+        """
         t, b = self.generation, self.settings.batch_size
         if needs_snapshot(self.settings, t) and not self._trained_for(t):
             self._train_critic(t)
@@ -96,7 +107,19 @@ class Search:
         Args:
             batch: What `ask` returned.
             episodes: Its episodes, in order.
+
+        Returns:
+            Metrics of the archive after this generation.
+
+        Raises:
+            RequestError: The batch is not that of the generation that comes next.
+            ArchiveError: The episodes do not fit the batch, or a fitness or descriptor is not finite.
         """
+        if batch.generation != self.generation:
+            raise RequestError(
+                f"Generation {batch.generation} was told, but {self.generation} comes next; tell each "
+                "batch once, in the order of ask."
+            )
         if trains_meanwhile(self.settings, batch.generation):
             self._train_critic(batch.generation + 1)  # on the experience up to generation - 1
         solutions = Solutions.of(

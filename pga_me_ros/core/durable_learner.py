@@ -1,0 +1,109 @@
+"""A learner that outlives its process: what it knows can be brought back from files, bit for bit."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pga_me_ros.core.critic_checkpoint import CriticCheckpoints
+from pga_me_ros.core.errors import RequestError
+from pga_me_ros.core.experience import Experience
+from pga_me_ros.core.learner import Learner
+from pga_me_ros.core.schedule import TrainingOrder
+from pga_me_ros.core.settings import Settings
+from pga_me_ros.core.snapshot import Snapshot
+from pga_me_ros.tasks.spec import TaskSpec
+
+
+class DurableLearner:
+    """Carries out training orders, each from exactly the state that it has to start from.
+
+    Whatever ran before in this process or another, the outcome of an order is the same: the state is that
+    of the newest checkpoint for an earlier generation, the replay buffer holds the experience that the order names.
+
+    Args:
+        spec: Task.
+        settings: Settings of the run.
+        directory: Folder of the run.
+        device: Torch device of the critics.
+
+    Raises:
+        StorageError: The folder cannot be made.
+        SettingsError: The device cannot be used here.
+    """
+
+    def __init__(
+        self, spec: TaskSpec, settings: Settings, directory: Path, device: str = "cpu"
+    ) -> None:
+        self._spec = spec
+        self._settings = settings
+        self._device = device
+        self.experience = Experience(directory / "experience", settings)
+        self._checkpoints = CriticCheckpoints(directory)
+        self._learner = Learner(spec, settings, device)
+        self._trained_for: int | None = None  # None: not known to be the state of any checkpoint
+
+    def find(self, order: TrainingOrder) -> Snapshot | None:
+        """Return the outcome of exactly this training, if it was done before.
+
+        Raises:
+            StorageError: Its file is damaged.
+        """
+        done = self._checkpoints.find(order)
+        return done[0] if done else None
+
+    def prepare(self, order: TrainingOrder, greedy: NDArray[np.float32] | None = None) -> None:
+        """Bring critics and replay buffer into the state that a training starts from.
+
+        Args:
+            order: The training.
+            greedy: (P,) float32 controller that the greedy one starts at if this is the first training of the run;
+                None with ``greedy_init: random``.
+
+        Raises:
+            RequestError: The experience that it needs is not here, or `greedy` is needed and not given.
+            NetworkError: `greedy` does not fit the layers.
+            StorageError: A stored file is damaged or missing.
+        """
+        first = False
+        if self._trained_for is None or self._trained_for >= order.generation:
+            first = not self._return_to_before(order.generation)
+        if first and self._settings.greedy_init == "best":
+            if greedy is None:
+                raise RequestError("The first training needs a controller to start at; send one.")
+            self._learner.start_greedy_at(greedy)
+        if self._learner.newest > order.experience:
+            self._learner.forget_experience()
+        if self._learner.newest < 0:
+            wanted = self.experience.window(order.experience)
+        else:
+            wanted = range(self._learner.newest + 1, order.experience + 1)
+        for generation in wanted:
+            self._learner.add(generation, self.experience.episodes(generation))
+
+    def train(self, order: TrainingOrder) -> Snapshot:
+        """Carry out a training that `prepare` was called for, and make its outcome durable.
+
+        Raises:
+            NetworkError: The training diverged.
+            StorageError: The outcome cannot be written.
+        """
+        self._trained_for = None
+        snapshot = self._learner.train(self._settings.replace(**order.rates), order.generation)
+        self._checkpoints.save(order, snapshot, self._learner.state())
+        self._trained_for = order.generation
+        return snapshot
+
+    def _return_to_before(self, generation: int) -> bool:
+        """Load the newest state reached before the training for a generation, or begin anew; say which."""
+        earlier = self._checkpoints.before(generation)
+        if earlier:
+            snapshot, state = earlier
+            self._learner.load_state(state, snapshot.version)
+            self._trained_for = snapshot.generation
+        else:
+            self._learner = Learner(self._spec, self._settings, self._device)
+            self._trained_for = None
+        return earlier is not None
