@@ -18,6 +18,7 @@ from pga_me_ros.core.schedule import TrainingOrder
 from pga_me_ros.core.snapshot import Snapshot
 from pga_me_ros.nodes.options import ChildOptions
 from pga_me_ros.ros import names, qos
+from pga_me_ros.ros.command_line import Program
 from pga_me_ros.ros.convert import episode_from_msg, shaped, snapshot_to_msg, with_rates
 from pga_me_ros.ros.graph_node import GraphNode
 from pga_me_ros.ros.parameters import declare_run
@@ -72,13 +73,15 @@ class CriticTrainerNode(GraphNode):
         settings = with_rates(self._settings, request.rates)
         order = TrainingOrder.of(request.generation, request.experience, settings)
         under_way = self._training
-        if under_way is not None:
-            if under_way != order:
-                raise RequestError(
-                    f"Training for generation {under_way.generation} is under way; wait for its snapshot."
-                )
-        elif done := self._learner.find(order):
+        if under_way == order:
+            return
+        if done := self._learner.find(order):
+            # Also while another training is under way: a restarted node asks for the snapshot it missed.
             self._publish(done)
+        elif under_way is not None:
+            raise RequestError(
+                f"Training for generation {under_way.generation} is under way; wait for its snapshot."
+            )
         else:
             self._learner.prepare(order, self._greedy_start(request))
             self._training = order
@@ -110,9 +113,16 @@ class CriticTrainerNode(GraphNode):
         self._snapshots.publish(snapshot_to_msg(snapshot, self._run_id))
 
 
+PROGRAM = Program(
+    "critic_trainer",
+    "Collects experience and trains the critics of a run; the orchestrator starts it.",
+    (Settings, ChildOptions),
+)
+
+
 def main() -> int:
     """Run the critic trainer."""
-    return run_node(CriticTrainerNode)
+    return run_node(PROGRAM, CriticTrainerNode)
 
 
 if __name__ == "__main__":
