@@ -8,23 +8,23 @@ from pathlib import Path
 import numpy as np
 from pga_me_msgs.msg import Metrics as MetricsMsg
 from pga_me_msgs.srv import AddToArchive, SampleParents
-from sensor_msgs.msg import Image
 
-from pga_me_ros.core.elites import Solutions
+from pga_me_ros.core.elites import NO_PARENT, Operator, Solutions
 from pga_me_ros.core.errors import RequestError, SettingsError, StorageError
-from pga_me_ros.core.heatmap import render
-from pga_me_ros.core.metrics import generation_metrics
+from pga_me_ros.core.metrics import Metrics, generation_metrics
 from pga_me_ros.core.schedule import evaluation_ids, sample_parents
 from pga_me_ros.core.setting_field import setting
 from pga_me_ros.core.settings import RATES, Settings
 from pga_me_ros.core.storage import Repertoire
+from pga_me_ros.nodes.heatmap_topic import HeatmapTopic
 from pga_me_ros.nodes.repertoire_services import RepertoireServices
 from pga_me_ros.ros import names, qos
+from pga_me_ros.ros.command_line import Program
 from pga_me_ros.ros.convert import (
     evaluated_from_msg,
     finite,
     flat,
-    image_to_msg,
+    metrics_to_msg,
     shaped,
     with_rates,
 )
@@ -63,12 +63,12 @@ class ArchiveManager(GraphNode):
         metrics = self._file.metrics()
         self._metrics = metrics[-1] if metrics else None
         self._metrics_topic = self.create_publisher(MetricsMsg, names.METRICS, qos.LATCHED)
-        self._heatmap_topic = self.create_publisher(Image, names.HEATMAP, qos.LATCHED)
+        self._heatmap = HeatmapTopic(self, self._archive)
         self._readers = RepertoireServices(self, self._info, self._archive, self._grow)
         if self._grow:
             self.serve(AddToArchive, names.ADD_TO_ARCHIVE, self._add)
             self.serve(SampleParents, names.SAMPLE_PARENTS, self._sample)
-        self._publish()
+        self._show()
         self.start_heartbeat(run_id=self._info.run_id, task=self._info.task["name"])
 
     @property
@@ -85,7 +85,7 @@ class ArchiveManager(GraphNode):
             )
         if request.generation == last + 1:
             response.status = self._commit(self._solutions(request), request)
-        response.metrics = self._readers.metrics_msg(self._metrics)
+        response.metrics = self._metrics_msg(self._metrics_of(request.generation))
 
     def _commit(self, batch: Solutions, request: AddToArchive.Request) -> list[int]:
         rates = with_rates(self._settings, request.rates)
@@ -101,31 +101,45 @@ class ArchiveManager(GraphNode):
             raise
         self._metrics = metrics
         self.count_done()
-        self._publish()
+        self._show()
         return added.status.tolist()
 
     def _return_to_file(self) -> None:
         """Forget what could not be committed: what is served is what is stored."""
         self._archive = self._file.load_archive()
         self._readers.archive = self._archive
+        self._heatmap.changed(self._archive)
+
+    def _metrics_of(self, generation: int) -> Metrics | None:
+        if generation == self._last_generation:
+            return self._metrics
+        return self._file.metrics()[generation]
 
     def _solutions(self, request: AddToArchive.Request) -> Solutions:
         """Read the solutions of a request.
 
         Raises:
-            RequestError: A field has the wrong length or a number is not finite.
+            RequestError: A field has the wrong length, or a number is not finite or out of range.
         """
         b, p = self._settings.batch_size, self._archive.parameter_count
         out = evaluated_from_msg(request, b, self._archive.dimensions)
         parameters = shaped(request.parameters, (b, p), np.float32, "parameters")
+        operators = shaped(request.operators, (b,), np.int64, "operators")
+        parents = shaped(request.parents, (b, 2), np.int64, "parents")
+        _require_least("steps", out.steps, 1)
+        _require_least("parents", parents, NO_PARENT)
+        if operators.max() > max(Operator):
+            raise RequestError(
+                f"Field 'operators' holds {operators.max()}; expected 0 to {max(Operator):d}."
+            )
         return Solutions.of(
             fitness=out.fitness,
             descriptors=out.descriptors,
             parameters=finite(parameters, "parameters"),
             evaluations=evaluation_ids(self._settings, request.generation),
             generation=request.generation,
-            operators=shaped(request.operators, (b,), np.int64, "operators"),
-            parents=shaped(request.parents, (b, 2), np.int64, "parents"),
+            operators=operators,
+            parents=parents,
             steps=out.steps,
             terminated=out.terminated,
         )
@@ -155,12 +169,16 @@ class ArchiveManager(GraphNode):
         response.evaluations = flat(self._archive.evaluations[cells], "q")
         response.parameters = flat(self._archive.parameters[cells], "f")
 
-    def _publish(self) -> None:
+    def _show(self) -> None:
         """Show the archive as it is now to whoever watches."""
-        self._metrics_topic.publish(self._readers.metrics_msg(self._metrics))
-        self._heatmap_topic.publish(
-            image_to_msg(render(self._archive), self.get_clock().now().to_msg())
-        )
+        self._readers.metrics = self._metrics_msg(self._metrics)
+        self._metrics_topic.publish(self._readers.metrics)
+        self._heatmap.changed(self._archive)
+
+    def _metrics_msg(self, metrics: Metrics | None) -> MetricsMsg:
+        msg = metrics_to_msg(metrics, self._info, self._archive.cells)
+        msg.stamp = self.get_clock().now().to_msg()
+        return msg
 
     def destroy_node(self) -> None:
         """Close the file, then destroy the node."""
@@ -168,9 +186,21 @@ class ArchiveManager(GraphNode):
         super().destroy_node()
 
 
+def _require_least(name: str, values: np.ndarray, least: int) -> None:
+    if values.min() < least:
+        raise RequestError(f"Field '{name}' holds {values.min()}; expected {least} or more.")
+
+
+PROGRAM = Program(
+    "archive_manager",
+    "Serves a repertoire file: /repertoire/get_behavior, list_behaviors and get_info.",
+    (ArchiveManagerSettings,),
+)
+
+
 def main() -> int:
     """Run the archive manager."""
-    return run_node(ArchiveManager)
+    return run_node(PROGRAM, ArchiveManager)
 
 
 if __name__ == "__main__":

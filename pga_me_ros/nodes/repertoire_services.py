@@ -11,12 +11,12 @@ from pga_me_msgs.srv import GetBehavior, GetInfo, ListBehaviors
 
 from pga_me_ros.core.archive import Archive
 from pga_me_ros.core.elites import Elite
-from pga_me_ros.core.errors import ArchiveError, PgaError, RequestError
-from pga_me_ros.core.metrics import Metrics
+from pga_me_ros.core.errors import PgaError, RequestError
 from pga_me_ros.core.policy import MlpShape
+from pga_me_ros.core.rng import Purpose, generator
 from pga_me_ros.core.run_info import RunInfo
 from pga_me_ros.ros import names
-from pga_me_ros.ros.convert import behavior_to_msg, controller_to_msg, flat, metrics_to_msg
+from pga_me_ros.ros.convert import behavior_to_msg, controller_to_msg, flat
 from pga_me_ros.ros.graph_node import GraphNode
 from pga_me_ros.tasks.spec import TaskSpec
 
@@ -36,6 +36,9 @@ class RepertoireServices:
         info: Description of the run in the repertoire file.
         archive: The archive; replace the attribute when it is another object.
         growing: Whether a run adds to it.
+
+    Attributes:
+        metrics: Newest metrics, for get_info; to be replaced when the archive has changed.
     """
 
     def __init__(self, node: GraphNode, info: RunInfo, archive: Archive, growing: bool) -> None:
@@ -45,19 +48,18 @@ class RepertoireServices:
         self._growing = growing
         self._spec = TaskSpec.from_json(info.task)
         self._shape = MlpShape(tuple(info.layer_sizes))
-        self._metrics: MetricsMsg | None = None
+        self.metrics = MetricsMsg()
+        self._random_asked = 0
         node.serve(GetBehavior, names.GET_BEHAVIOR, self._get_behavior, ok_field="found")
         node.serve(ListBehaviors, names.LIST_BEHAVIORS, self._list, ok_field="ok")
         node.create_service(GetInfo, names.GET_INFO, self._get_info)
 
-    def metrics_msg(self, metrics: Metrics | None) -> MetricsMsg:
-        """Return metrics as a message, stamped now, and keep it for get_info."""
-        self._metrics = metrics_to_msg(metrics, self._info, self.archive.cells)
-        self._metrics.stamp = self._node.get_clock().now().to_msg()
-        return self._metrics
-
     def _get_behavior(self, request: GetBehavior.Request, response: GetBehavior.Response) -> None:
-        elite, distance = self._choose(request)
+        try:
+            elite, distance = self._choose(request)
+        except NotFoundError as reason:  # an answer as good as any, no fault of the asker's
+            response.found, response.message = False, str(reason)
+            return
         response.behavior = behavior_to_msg(elite)
         response.distance = distance
         response.controller = controller_to_msg(elite.parameters, self._shape, self._spec)
@@ -68,7 +70,7 @@ class RepertoireServices:
 
         Raises:
             RequestError: The request makes no sense.
-            ArchiveError: Its descriptor or cell does not fit the archive, or the archive is empty.
+            ArchiveError: Its descriptor or cell does not fit the archive.
             NotFoundError: No elite fits.
         """
         least = _least_fitness(request)
@@ -77,22 +79,34 @@ class RepertoireServices:
         if request.select == GetBehavior.Request.DESCRIPTOR:
             return self._nearest(request, least)
         if request.select == GetBehavior.Request.CELL:
-            elite = self.archive.elite(request.cell)
-        elif request.select == GetBehavior.Request.BEST:
-            elite = self.archive.best()
-        elif request.select == GetBehavior.Request.RANDOM:
-            cells = self._at_least(least)
-            elite = self.archive.elite(int(np.random.default_rng().choice(cells)))
-        else:
-            raise RequestError(
-                f"select is {request.select}; expected 0 (descriptor), 1 (cell), 2 (best) or 3 (random)."
-            )
+            return self._of_cell(request.cell, least), 0.0
+        if request.select == GetBehavior.Request.BEST:
+            self._at_least(least)
+            return self.archive.best(), 0.0
+        if request.select == GetBehavior.Request.RANDOM:
+            return self.archive.elite(int(self._draw().choice(self._at_least(least)))), 0.0
+        raise RequestError(
+            f"select is {request.select}; expected 0 (descriptor), 1 (cell), 2 (best) or 3 (random)."
+        )
+
+    def _of_cell(self, cell: int, least: float) -> Elite:
+        if 0 <= cell < self.archive.cells and not self.archive.filled[cell]:
+            raise NotFoundError(f"Cell {cell} holds no behaviour; list_behaviors tells which do.")
+        elite = self.archive.elite(cell)
         if elite.fitness < least:
             raise NotFoundError(
-                f"The behaviour of cell {elite.cell} has fitness {elite.fitness:.1f}, less than the "
+                f"The behaviour of cell {cell} has fitness {elite.fitness:.1f}, less than the "
                 f"{least:.1f} that is required."
             )
-        return elite, 0.0
+        return elite
+
+    def _draw(self) -> np.random.Generator:
+        """Return the generator of the next random choice; a node that starts again draws the same."""
+        self._random_asked += 1
+        seed = int(self._info.settings["seed"])
+        return generator(
+            seed, Purpose.GET_BEHAVIOR, self.metrics.generation + 1, self._random_asked
+        )
 
     def _nearest(self, request: GetBehavior.Request, least: float) -> tuple[Elite, float]:
         farthest = request.max_distance if request.max_distance >= 0.0 else math.inf
@@ -112,9 +126,14 @@ class RepertoireServices:
         return self.archive.elite(int(cells[0])), float(distances[0])
 
     def _at_least(self, least: float) -> np.ndarray:
+        """Return the cells whose elites have a least fitness.
+
+        Raises:
+            NotFoundError: There are none.
+        """
         cells = self.archive.filled_cells()
         if not len(cells):
-            raise ArchiveError(
+            raise NotFoundError(
                 "The repertoire is still empty; ask again after its first generation."
             )
         cells = cells[self.archive.fitness[cells] >= least]
@@ -146,8 +165,7 @@ class RepertoireServices:
         response.descriptor_names = list(self._spec.descriptor_names)
         response.descriptor_low = flat(self.archive.low, "d")
         response.descriptor_high = flat(self.archive.high, "d")
-        if self._metrics:
-            response.metrics = self._metrics
+        response.metrics = self.metrics
         response.settings = json.dumps(dict(self._info.settings))
         response.versions = json.dumps(dict(self._info.versions))
         response.growing = self._growing

@@ -1,0 +1,288 @@
+"""What another robot node imports: ask a repertoire for behaviours, and run them. Needs rclpy and NumPy alone.
+
+::
+
+    repertoire = RepertoireClient(node)
+    behavior = repertoire.get_behavior(descriptor=[0.9, 0.1], min_fitness=500.0)
+    action = behavior.controller(observation)  # every behavior.controller.control_period seconds
+"""
+
+from __future__ import annotations
+
+import array
+import math
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
+
+from pga_me_msgs.srv import GetBehavior, GetInfo, ListBehaviors
+from rclpy.client import Client
+from rclpy.node import Node
+from rclpy.task import Future
+
+from pga_me_ros.behaviors import Behavior, Controller, ListedBehavior, RepertoireInfo
+from pga_me_ros.core.errors import PgaError, RequestError
+from pga_me_ros.ros import names
+from pga_me_ros.ros.patient_client import (
+    BlockedExecutorError,
+    PatientCaller,
+    PendingCall,
+    RepertoireTimeoutError,
+)
+
+__all__ = ["Behavior", "BehaviorNotFoundError", "BlockedExecutorError", "Controller"]
+__all__ += ["ListedBehavior", "RepertoireClient", "RepertoireInfo", "RepertoireTimeoutError"]
+
+TIMEOUT = 10.0
+"""Seconds; discovery between processes takes up to 4."""
+
+PAGE = 500
+"""Behaviours per answer while listing."""
+
+
+class BehaviorNotFoundError(PgaError):
+    """No behaviour fits, or the request does not fit the repertoire; the message says why."""
+
+
+class RepertoireClient:
+    """Asks a repertoire for behaviours.
+
+    The plain methods block and raise. They work in a main program whose node nobody spins (they spin it meanwhile, its
+    other callbacks included), and in any thread while another one spins the node. Inside a callback use the methods
+    that end in ``_async``: they return a future at once, to await or to add a callback to.
+
+    Args:
+        node: Node to ask through.
+        prefix: Namespace of the repertoire, such as ``/left``; empty for the node's own.
+        timeout: Seconds after which a call fails, waiting for the service included.
+    """
+
+    def __init__(self, node: Node, prefix: str = "", timeout: float = TIMEOUT) -> None:
+        _check_timeout(timeout)
+        self._node = node
+        self._timeout = timeout
+        self._caller = PatientCaller(node)
+        self._behavior = self._client(GetBehavior, prefix, names.GET_BEHAVIOR)
+        self._list = self._client(ListBehaviors, prefix, names.LIST_BEHAVIORS)
+        self._info = self._client(GetInfo, prefix, names.GET_INFO)
+
+    def get_behavior(self, **wanted: Any) -> Behavior:
+        """Return a behaviour with its controller.
+
+        Args:
+            wanted: As in `get_behavior_async`.
+
+        Raises:
+            BehaviorNotFoundError: None fits.
+            RepertoireTimeoutError: No answer before the deadline.
+            BlockedExecutorError: Called in a callback of the node's executor.
+            RequestError: The arguments make no sense.
+            NetworkError: The answer's controller is malformed.
+        """
+        return self._caller.result(self._ask_behavior(**wanted))
+
+    def get_behavior_async(
+        self,
+        *,
+        descriptor: Sequence[float] | None = None,
+        cell: int | None = None,
+        best: bool = False,
+        random: bool = False,
+        max_distance: float | None = None,
+        min_fitness: float | None = None,
+        timeout: float | None = None,
+    ) -> Future:
+        """Ask for a behaviour, chosen in one of four ways.
+
+        Args:
+            descriptor: d numbers; the behaviour with the nearest descriptor.
+            cell: Number of a cell; its behaviour.
+            best: The fittest behaviour.
+            random: Any behaviour, each with the same probability.
+            max_distance: Greatest Euclidean distance to the wanted descriptor, None for any.
+            min_fitness: Least fitness, None for any.
+            timeout: Seconds after which the call fails, None for the client's own.
+
+        Returns:
+            Future of a `Behavior`; its result() raises what `get_behavior` raises.
+
+        Raises:
+            RequestError: The arguments make no sense.
+        """
+        call = self._ask_behavior(
+            descriptor=descriptor,
+            cell=cell,
+            best=best,
+            random=random,
+            max_distance=max_distance,
+            min_fitness=min_fitness,
+            timeout=timeout,
+        )
+        return call.future
+
+    def list_behaviors(
+        self, *, min_fitness: float | None = None, page: int = PAGE, timeout: float | None = None
+    ) -> Iterator[ListedBehavior]:
+        """Yield all behaviours without their controllers, fittest first.
+
+        Asks for one page at a time, as far as it is read. When a run adds behaviours meanwhile, each cell is still
+        yielded once at most.
+
+        Args:
+            min_fitness: Least fitness, None for any.
+            page: Behaviours per answer, 1 to 10,000.
+            timeout: Seconds after which an answer is missed, None for the client's own.
+
+        Raises:
+            RequestError: The service did not accept the arguments.
+            RepertoireTimeoutError: As in `get_behavior`.
+            BlockedExecutorError: As in `get_behavior`.
+        """
+        seen: set[int] = set()
+        offset = 0
+        while True:
+            call = self._ask_list(offset, page, min_fitness, timeout)
+            total, behaviors = self._caller.result(call)
+            for behavior in behaviors:
+                if behavior.cell not in seen:
+                    seen.add(behavior.cell)
+                    yield behavior
+            offset += page
+            if offset >= total:
+                return
+
+    def list_behaviors_async(
+        self,
+        offset: int = 0,
+        limit: int = PAGE,
+        *,
+        min_fitness: float | None = None,
+        timeout: float | None = None,
+    ) -> Future:
+        """Ask for one page of behaviours, fittest first.
+
+        Args:
+            offset: Behaviours to pass over.
+            limit: Most behaviours to return, 1 to 10,000.
+            min_fitness: Least fitness, None for any.
+            timeout: Seconds after which the call fails, None for the client's own.
+
+        Returns:
+            Future of the number of behaviours that fit, and the page as a tuple of `ListedBehavior`.
+        """
+        return self._ask_list(offset, limit, min_fitness, timeout).future
+
+    def get_info(self, *, timeout: float | None = None) -> RepertoireInfo:
+        """Return what the repertoire is and how far it has come.
+
+        Raises:
+            RepertoireTimeoutError: As in `get_behavior`.
+            BlockedExecutorError: As in `get_behavior`.
+        """
+        return self._caller.result(self._ask_info(timeout))
+
+    def get_info_async(self, *, timeout: float | None = None) -> Future:
+        """Ask what the repertoire is; returns a future of a `RepertoireInfo`."""
+        return self._ask_info(timeout).future
+
+    def close(self) -> None:
+        """Destroy the clients; only while the node is not spun. Destroying the node does it too."""
+        self._caller.close()
+        for client in (self._behavior, self._list, self._info):
+            self._node.destroy_client(client)
+
+    def _client(self, srv_type: Any, prefix: str, name: str) -> Client:
+        full = f"{prefix.rstrip('/')}/{name}" if prefix else name
+        return self._node.create_client(srv_type, full, callback_group=self._caller.group)
+
+    def _ask_behavior(self, *, timeout: float | None = None, **wanted: Any) -> PendingCall:
+        request = behavior_request(**wanted)
+        return self._start(self._behavior, request, _read_behavior, timeout)
+
+    def _ask_list(
+        self, offset: int, limit: int, min_fitness: float | None, timeout: float | None
+    ) -> PendingCall:
+        request = ListBehaviors.Request(offset=int(offset), limit=int(limit))
+        _require_fitness(request, min_fitness)
+        return self._start(self._list, request, _read_list, timeout)
+
+    def _ask_info(self, timeout: float | None) -> PendingCall:
+        return self._start(self._info, GetInfo.Request(), RepertoireInfo.from_response, timeout)
+
+    def _start(
+        self, client: Client, request: Any, read: Callable[[Any], Any], timeout: float | None
+    ) -> PendingCall:
+        seconds = self._timeout if timeout is None else timeout
+        _check_timeout(seconds)
+        return self._caller.start(client, request, read, seconds)
+
+
+def behavior_request(
+    *,
+    descriptor: Sequence[float] | None = None,
+    cell: int | None = None,
+    best: bool = False,
+    random: bool = False,
+    max_distance: float | None = None,
+    min_fitness: float | None = None,
+) -> GetBehavior.Request:
+    """Return the request for a behaviour; arguments as in `RepertoireClient.get_behavior_async`.
+
+    Raises:
+        RequestError: There is not exactly one way to choose, or a number is none.
+    """
+    ways = {"descriptor": descriptor is not None, "cell": cell is not None}
+    ways |= {"best": best, "random": random}
+    chosen = [name for name, given in ways.items() if given]
+    if len(chosen) != 1:
+        raise RequestError(
+            f"Say in exactly one way which behaviour is wanted: descriptor, cell, best or random; "
+            f"given: {', '.join(chosen) or 'none'}."
+        )
+    request = GetBehavior.Request(select=getattr(GetBehavior.Request, chosen[0].upper()))
+    if descriptor is not None:
+        request.descriptor = array.array("d", [_number("descriptor", x) for x in descriptor])
+    if cell is not None:
+        request.cell = int(cell)
+    if max_distance is not None:
+        if descriptor is None or _number("max_distance", max_distance) < 0.0:
+            raise RequestError(
+                f"max_distance is {max_distance}; give 0 or more, together with a descriptor."
+            )
+        request.max_distance = float(max_distance)
+    _require_fitness(request, min_fitness)
+    return request
+
+
+def _require_fitness(
+    request: GetBehavior.Request | ListBehaviors.Request, min_fitness: float | None
+) -> None:
+    if min_fitness is not None:
+        request.require_fitness = True
+        request.min_fitness = _number("min_fitness", min_fitness)
+
+
+def _number(name: str, value: Any) -> float:
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        number = math.nan
+    if math.isnan(number):
+        raise RequestError(f"{name} is or holds {value!r}; give a number.")
+    return number
+
+
+def _check_timeout(seconds: float) -> None:
+    if not seconds > 0.0:
+        raise RequestError(f"timeout is {seconds}; give seconds above 0.")
+
+
+def _read_behavior(response: GetBehavior.Response) -> Behavior:
+    if not response.found:
+        raise BehaviorNotFoundError(response.message)
+    return Behavior.from_response(response)
+
+
+def _read_list(response: ListBehaviors.Response) -> tuple[int, tuple[ListedBehavior, ...]]:
+    if not response.ok:
+        raise RequestError(response.message)
+    return response.total, tuple(ListedBehavior.from_msg(msg) for msg in response.behaviors)
