@@ -15,7 +15,10 @@ TICK = 0.05
 """Seconds between two looks at children and stop requests while something is waited for."""
 
 PATIENCE = 10.0
-"""Seconds after which a request is sent again: a node that was restarted never saw the first one."""
+"""Seconds after which a request is sent again: it may have been lost on the way."""
+
+EAGERNESS = 0.5
+"""Seconds after which a request is first sent again when its node may have been restarted: discovery takes its time."""
 
 
 class StoppedError(Exception):
@@ -27,10 +30,12 @@ class Waiter:
 
     Args:
         look: Called at every tick; looks after children and raises `StoppedError` when the run is to end.
+        arrivals: Counts the nodes that came up, restarted ones too.
     """
 
-    def __init__(self, look: Callable[[], None]) -> None:
+    def __init__(self, look: Callable[[], None], arrivals: Callable[[], int] = lambda: 0) -> None:
         self._look = look
+        self.arrivals = arrivals
         self._happened = threading.Event()
 
     def wake(self) -> None:
@@ -62,7 +67,8 @@ class Waiter:
 def call(waiter: Waiter, client: Client, request: Any) -> Any:
     """Call a service of the graph until it answers.
 
-    Every service of the loop may be asked the same thing twice without harm.
+    Every service of the loop may be asked the same thing twice without harm. A request to a node that dies is never
+    answered, so it is sent again as soon as a node came up anew, and a few times more while discovery may lag behind.
 
     Args:
         waiter: How to wait.
@@ -72,13 +78,18 @@ def call(waiter: Waiter, client: Client, request: Any) -> Any:
     Returns:
         The response, which may be a refusal.
     """
+    patience = PATIENCE
     while True:
         waiter.until(client.service_is_ready)
+        arrivals = waiter.arrivals()
         future = client.call_async(request)
         future.add_done_callback(lambda _: waiter.wake())
-        if waiter.until(future.done, PATIENCE):
+        waiter.until(lambda: future.done() or arrivals != waiter.arrivals(), patience)  # noqa: B023
+        if future.done():
             return future.result()
         client.remove_pending_request(future)
+        renewed = arrivals != waiter.arrivals()
+        patience = EAGERNESS if renewed else min(2.0 * patience, PATIENCE)
 
 
 def accepted(waiter: Waiter, client: Client, request: Any) -> Any:

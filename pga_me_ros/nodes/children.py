@@ -22,7 +22,7 @@ CRASH_WINDOW = 60.0
 """Seconds over which deaths of one child count as a crash loop."""
 
 CRASH_LIMIT = 5
-"""Deaths within the window that end the run."""
+"""Deaths within the window, and within one generation, that end the run."""
 
 
 class ChildError(PgaError):
@@ -82,6 +82,10 @@ class Children:
         run_dir: Folder of the run; logs go to ``logs/``.
         ros_arguments: ROS arguments that every child gets, such as the namespace.
         lock: File descriptor of the run's lock: while a child lives, the run is in use.
+
+    Attributes:
+        restarts: How often a child was started again.
+        pids: Process ids of all children ever started, the dead ones too.
     """
 
     def __init__(self, run_dir: Path, ros_arguments: Sequence[str], lock: int) -> None:
@@ -91,6 +95,7 @@ class Children:
         self._ros_arguments = list(ros_arguments)
         self._children: dict[str, Child] = {}
         self.restarts = 0
+        self.pids: set[int] = set()
 
     def start(self, kind: str, name: str, parameters: Path) -> Child:
         """Start a node.
@@ -105,7 +110,7 @@ class Children:
         log_path = self._logs / f"{name}.log"
         child = Child(name, arguments + self._ros_arguments, log_path, (self._lock,))
         self._children[name] = child
-        child.start()
+        self._start(child)
         return child
 
     def pid(self, name: str) -> int:
@@ -129,9 +134,14 @@ class Children:
         for child in dead:
             self._count_death(child)
             _close_input(child)
-            child.start()
+            self._start(child)
             self.restarts += 1
         return [child.name for child in dead]
+
+    def progressed(self) -> None:
+        """Forget past deaths: what gets on with the work between them is no crash loop."""
+        for child in self._children.values():
+            child.deaths.clear()
 
     def stop(self, names: Sequence[str] | None = None, *, at_once: bool = False) -> None:
         """Stop children, politely first; returns when they are gone.
@@ -153,6 +163,10 @@ class Children:
                 child.process.wait()
             _close_input(child)
             del self._children[child.name]
+
+    def _start(self, child: Child) -> None:
+        child.start()
+        self.pids.add(child.pid)
 
     def _count_death(self, child: Child) -> None:
         assert child.process is not None

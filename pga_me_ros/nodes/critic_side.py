@@ -101,10 +101,12 @@ class CriticSide:
             response = call(self._waiter, self._clients.store_experience, request)
             if response.accepted:
                 return
+            if response.missing:
+                response = self._after_a_while(request)
+            if response.accepted:
+                return
             if not response.missing:
                 raise PgaError(f"The critic trainer refused to store: {response.message}")
-            if self._arrives(request):
-                return
             missing = [k for k in response.missing if k in ids]
             self._node.get_logger().warning(
                 f"the experience of {len(missing)} evaluations was lost; they are done again"
@@ -113,13 +115,14 @@ class CriticSide:
             self._pool.repeat(missing)
             self._waiter.until(lambda: self._pool.done(missing))  # noqa: B023
 
-    def _arrives(self, request: StoreExperience.Request) -> bool:
+    def _after_a_while(self, request: StoreExperience.Request) -> StoreExperience.Response:
         """Ask again for a while: the last episodes may still be on their way."""
         for pause in (0.01, 0.02, 0.05, 0.1, 0.2, ARRIVAL):
             self._waiter.until(lambda: False, pause)
-            if call(self._waiter, self._clients.store_experience, request).accepted:
-                return True
-        return False
+            response = call(self._waiter, self._clients.store_experience, request)
+            if response.accepted or not response.missing:
+                break
+        return response
 
     def _best_controller(self) -> object:
         request = GetBehavior.Request(select=GetBehavior.Request.BEST)

@@ -6,7 +6,6 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -17,6 +16,7 @@ from rclpy.client import Client
 from rclpy.node import Node
 
 from pga_me_ros.core.errors import PgaError
+from pga_me_ros.nodes.evaluator_work import Chunk, Job, Outcome, Worker
 from pga_me_ros.ros.convert import evaluated_from_msg, flat
 
 SILENCE = 5.0
@@ -35,68 +35,10 @@ STRAGGLER = 3.0
 """How many times the expected time a chunk may take before idle evaluators do it too."""
 
 REFUSALS = 3
-"""Refusals of a chunk after which the run gives up."""
+"""Refusals in a row after which an evaluator gets no more work; when none is left, the run gives up."""
 
-
-@dataclass(frozen=True)
-class Outcome:
-    """Result of one evaluation.
-
-    Attributes:
-        fitness: Sum of the rewards.
-        descriptor: (descriptor_dim,) float64.
-        steps: Length of the episode [control steps].
-        terminated: Whether it ended by a fall.
-    """
-
-    fitness: float
-    descriptor: NDArray[np.float64]
-    steps: int
-    terminated: bool
-
-
-@dataclass(eq=False)
-class Chunk:
-    """Evaluations that one evaluator was asked for in one request."""
-
-    ids: list[int]
-    sent: float
-    future: Any = None
-
-
-@dataclass(eq=False)
-class Worker:
-    """One incarnation of an evaluator.
-
-    Attributes:
-        client: Client of its service.
-        process: Host and process id.
-        usable: Time from which on it may be asked.
-        seen: Time of its last sign of life.
-        done: Evaluations that it had finished by then.
-        progress: Time at which that number last grew.
-        chunks: What it was asked for and has not answered.
-    """
-
-    client: Client
-    process: tuple[str, int]
-    usable: float
-    seen: float
-    done: int
-    progress: float
-    chunks: list[Chunk] = field(default_factory=list)
-
-
-@dataclass(frozen=True)
-class Job:
-    """What all evaluations of a run have in common."""
-
-    run_id: str
-    task: str
-    seed: int
-    layer_sizes: tuple[int, ...]
-    descriptor_dim: int
-    versions: str
+RIVAL = 2.5
+"""Seconds since an evaluator's last sign of life within which another process cannot take its name."""
 
 
 class EvaluatorPool:
@@ -118,14 +60,14 @@ class EvaluatorPool:
         self._lock = threading.RLock()
         self._workers: dict[str, Worker] = {}
         self._clients: dict[str, Client] = {}
-        self._foreign: set[str] = set()
+        self._warned: set[tuple[str, str, int]] = set()
+        self._dead: set[tuple[str, int]] = set()
         self._queue: deque[int] = deque()
         self._parameters: dict[int, NDArray[np.float32]] = {}
         self._outcomes: dict[int, Outcome] = {}
-        self._refusals = 0
         self._seconds = 0.0  # mean time per evaluation in a chunk, 0 while unknown
         self.generation = 0
-        self.error: PgaError | None = None
+        self._error: PgaError | None = None
 
     def __len__(self) -> int:
         """Return the number of evaluators at work."""
@@ -160,8 +102,14 @@ class EvaluatorPool:
             self._dispatch()
 
     def done(self, ids: Sequence[int]) -> bool:
-        """Whether all these evaluations have a result."""
+        """Whether all these evaluations have a result.
+
+        Raises:
+            PgaError: No evaluator takes them.
+        """
         with self._lock:
+            if self._error:
+                raise self._error
             return all(k in self._outcomes for k in ids)
 
     def outcomes(self, ids: Sequence[int]) -> list[Outcome]:
@@ -176,19 +124,21 @@ class EvaluatorPool:
         with self._lock:
             now = time.monotonic()
             worker = self._workers.get(msg.node)
-            if worker is None or worker.process != (msg.host, msg.pid):
+            if worker is None:
                 self._join(msg, now)
+            elif worker.process != (msg.host, msg.pid):
+                self._replace(worker, msg, now)
             else:
                 worker.seen = now
                 if msg.done != worker.done:
                     worker.done, worker.progress = msg.done, now
 
-    def lost(self, name: str) -> None:
+    def died(self, name: str) -> None:
         """Give the work of an evaluator that is known to be dead to the others."""
         with self._lock:
-            worker = self._workers.pop(name, None)
-            if worker:
-                self._requeue(worker, list(worker.chunks))
+            if name in self._workers:
+                self._dead.add(self._workers[name].process)
+                self._lose(name)
 
     def tick(self) -> None:
         """Look after lost evaluators and requests, and hand out work; call it several times a second."""
@@ -199,17 +149,40 @@ class EvaluatorPool:
                     self._node.get_logger().warning(
                         f"evaluator {name} has been silent for {SILENCE:.0f} s; its work goes to others"
                     )
-                    self.lost(name)
+                    self._lose(name)
+                elif worker.chunks and not worker.client.service_is_ready():
+                    self._lose(name)  # it has left in good order; silence would tell only later
                 patience = max(LOST, 20.0 * self._seconds)
-                late = [c for c in worker.chunks if now - max(c.sent, worker.progress) > patience]
-                self._requeue(worker, late)
+                for chunk in list(worker.chunks):
+                    if now - max(chunk.sent, worker.progress) > patience:
+                        # Its answer still counts, should it come: episodes may take longer than we think.
+                        worker.chunks.remove(chunk)
+                        self._put_back(chunk)
             self._dispatch()
 
+    def _lose(self, name: str) -> None:
+        worker = self._workers.pop(name)
+        for chunk in worker.chunks:
+            worker.client.remove_pending_request(chunk.future)
+            self._put_back(chunk)
+
+    def _replace(self, worker: Worker, msg: NodeStatus, now: float) -> None:
+        """Take a restarted evaluator in the place of its former self, but no rival of the same name."""
+        if now - worker.seen > RIVAL:
+            self._lose(msg.node)
+            self._join(msg, now)
+        else:
+            self._warn_once(
+                (msg.node, msg.host, msg.pid),
+                f"evaluator {msg.node} (process {msg.pid} on {msg.host}) is not used: process "
+                f"{worker.process[1]} on {worker.process[0]} has the same name. "
+                "Give it another one (--ros-args -r __node:=NAME).",
+            )
+
     def _join(self, msg: NodeStatus, now: float) -> None:
-        if not self._fits(msg):
+        if (msg.host, msg.pid) in self._dead or not self._fits(msg):
             return
         known = msg.node in self._clients
-        self.lost(msg.node)
         if not known:
             # Clients are kept for good: destroying one while the executor waits for it is an error in rclpy.
             self._clients[msg.node] = self._node.create_client(Evaluate, f"{msg.node}/evaluate")
@@ -226,19 +199,17 @@ class EvaluatorPool:
         job = self._job
         if (msg.task, msg.versions) == (job.task, job.versions):
             return True
-        if msg.node not in self._foreign:
-            self._foreign.add(msg.node)
-            self._node.get_logger().warning(
-                f"evaluator {msg.node} is not used: it has task '{msg.task}' with {msg.versions}, "
-                f"this run needs '{job.task}' with {job.versions} to give the same results."
-            )
+        self._warn_once(
+            (msg.node, msg.host, msg.pid),
+            f"evaluator {msg.node} is not used: it has task '{msg.task}' with {msg.versions}, "
+            f"this run needs '{job.task}' with {job.versions} to give the same results.",
+        )
         return False
 
-    def _requeue(self, worker: Worker, chunks: Sequence[Chunk]) -> None:
-        for chunk in chunks:
-            worker.chunks.remove(chunk)
-            worker.client.remove_pending_request(chunk.future)
-            self._put_back(chunk)
+    def _warn_once(self, who: tuple[str, str, int], text: str) -> None:
+        if who not in self._warned:
+            self._warned.add(who)
+            self._node.get_logger().warning(text)
 
     def _put_back(self, chunk: Chunk) -> None:
         waiting = set(self._queue)
@@ -249,7 +220,9 @@ class EvaluatorPool:
         """Give queued work to evaluators with room; shares shrink towards the end, so that all finish together."""
         now = time.monotonic()
         ready = [
-            w for w in self._workers.values() if w.usable <= now and w.client.service_is_ready()
+            w
+            for w in self._workers.values()
+            if w.usable <= now and w.refusals < REFUSALS and w.client.service_is_ready()
         ]
         for load in range(IN_FLIGHT):
             for worker in ready:
@@ -288,23 +261,22 @@ class EvaluatorPool:
 
     def _answered(self, worker: Worker, chunk: Chunk, future: Any) -> None:
         with self._lock:
-            if chunk not in worker.chunks:
-                return  # given up meanwhile
-            worker.chunks.remove(chunk)
-            if all(k in self._parameters for k in chunk.ids):
-                self._take(chunk, future.result())
+            if chunk in worker.chunks:  # else it was given up meanwhile
+                worker.chunks.remove(chunk)
+            if all(k in self._parameters for k in chunk.ids):  # else of an earlier generation
+                self._take(worker, chunk, future.result())
             self._dispatch()
         self._wake()
 
-    def _take(self, chunk: Chunk, response: Evaluate.Response) -> None:
-        if not response.accepted:
-            self._refuse(chunk, response.message)
-            return
+    def _take(self, worker: Worker, chunk: Chunk, response: Evaluate.Response) -> None:
         try:
+            if not response.accepted:
+                raise PgaError(response.message)
             out = evaluated_from_msg(response, len(chunk.ids), self._job.descriptor_dim)
         except PgaError as error:
-            self._refuse(chunk, str(error))
+            self._refuse(worker, chunk, str(error))
             return
+        worker.refusals = 0
         for i, k in enumerate(chunk.ids):
             outcome = Outcome(
                 float(out.fitness[i]),
@@ -316,8 +288,13 @@ class EvaluatorPool:
         took = (time.monotonic() - chunk.sent) / len(chunk.ids)
         self._seconds = took if not self._seconds else 0.9 * self._seconds + 0.1 * took
 
-    def _refuse(self, chunk: Chunk, reason: str) -> None:
-        self._refusals += 1
-        if self._refusals >= REFUSALS:
-            self.error = PgaError(f"Evaluations {chunk.ids} cannot be done: {reason}")
+    def _refuse(self, worker: Worker, chunk: Chunk, reason: str) -> None:
+        worker.refusals += 1
         self._put_back(chunk)
+        if worker.refusals == REFUSALS:
+            self._node.get_logger().warning(
+                f"the evaluator in process {worker.process[1]} on {worker.process[0]} refused "
+                f"{REFUSALS} times and gets no more work: {reason}"
+            )
+        if all(w.refusals >= REFUSALS for w in [worker, *self._workers.values()]):
+            self._error = PgaError(f"Evaluations {chunk.ids} cannot be done: {reason}")

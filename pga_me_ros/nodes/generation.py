@@ -188,12 +188,7 @@ class GenerationLoop:
             self._critics.remind(trained)
 
     def _wait_for_results(self, batch: Batch) -> None:
-        def finished() -> bool:
-            if self._pool.error:
-                raise self._pool.error
-            return self._pool.done(batch.ids)
-
-        self._waiter.until(finished)
+        self._waiter.until(lambda: self._pool.done(batch.ids))
 
     def _add(self, settings: Settings, t: int, batch: Batch) -> Metrics:
         """Commit the generation to the archive."""

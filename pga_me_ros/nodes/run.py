@@ -14,7 +14,8 @@ from pga_me_ros.core.run_directory import RunDirectory
 from pga_me_ros.nodes.caller import StoppedError, Waiter, call
 from pga_me_ros.nodes.control import Control
 from pga_me_ros.nodes.critic_side import CriticSide
-from pga_me_ros.nodes.evaluator_pool import EvaluatorPool, Job
+from pga_me_ros.nodes.evaluator_pool import EvaluatorPool
+from pga_me_ros.nodes.evaluator_work import Job
 from pga_me_ros.nodes.generation import GenerationLoop
 from pga_me_ros.nodes.loop_clients import LoopClients
 from pga_me_ros.nodes.options import RunOptions
@@ -47,7 +48,7 @@ class Run:
         self._directory = directory
         self._options = options
         self._progress = progress
-        self._waiter = Waiter(self._look)
+        self._waiter = Waiter(self._look, lambda: self._team.arrivals)
         settings = directory.settings
         shape = controller_shape(spec, settings)
         job = Job(
@@ -107,6 +108,7 @@ class Run:
             self._progress.enter("running")
             metrics = self._loop.run(settings, before, t)
             before = settings
+            self._team.children.progressed()
             self._report(metrics)
         self._team.stop_workers()
         self._progress.enter("finished")

@@ -27,6 +27,9 @@ class Team:
         node: The orchestrator's node.
         directory: Folder of the run.
         pool: Evaluators, told when one of ours died.
+
+    Attributes:
+        arrivals: How often a child has said for the first time that it is up.
     """
 
     def __init__(self, node: Node, directory: RunDirectory, pool: EvaluatorPool) -> None:
@@ -41,6 +44,7 @@ class Team:
         self._parameters.mkdir(exist_ok=True)
         self._alive: set[tuple[str, int]] = set()
         self._foreign = ""
+        self.arrivals = 0
 
     def start_archive(self, *, grow: bool) -> None:
         """Start the node that serves the repertoire."""
@@ -72,9 +76,10 @@ class Team:
     def heard(self, msg: NodeStatus) -> None:
         """Take a node's sign of life."""
         name = msg.node.removeprefix(self._prefix)
-        ours = name in self.children.names() and self.children.pid(name) == msg.pid
-        if ours and msg.host == socket.gethostname():
-            self._alive.add((name, msg.pid))
+        if msg.pid in self.children.pids and msg.host == socket.gethostname():
+            if (name, msg.pid) not in self._alive:
+                self._alive.add((name, msg.pid))
+                self.arrivals += 1
         elif msg.kind in SINGLETONS:
             self._foreign = f"{msg.node} (process {msg.pid} on {msg.host})"
 
@@ -100,7 +105,7 @@ class Team:
         """
         for name in self.children.revive():
             self._node.get_logger().warning(f"{name} died; it was started again")
-            self._pool.lost(self._prefix + name)
+            self._pool.died(self._prefix + name)
 
     def _start(self, kind: str, name: str, values: dict[str, Any]) -> None:
         path = self._parameters / f"{kind}.yaml"

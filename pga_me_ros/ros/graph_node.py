@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import socket
 import threading
 import traceback
@@ -11,6 +12,7 @@ from typing import Any
 
 from pga_me_msgs.msg import NodeStatus
 from rclpy._rclpy_pybind11 import RCLError
+from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.service import Service
 
@@ -23,15 +25,21 @@ HEARTBEAT = 1.0
 Handler = Callable[[Any, Any], None]
 
 
+def own_name(kind: str) -> str:
+    """Return a node name that no other process of the network has: kind, host and process id."""
+    return re.sub(r"\W", "_", f"{kind}_{socket.gethostname()}_{os.getpid()}", flags=re.ASCII)
+
+
 class GraphNode(Node):
     """A node that publishes `NodeStatus` and whose services turn errors into refusals.
 
     Args:
-        kind: Default node name, and the kind in its status.
+        kind: The kind in its status.
+        name: Default node name; empty takes the kind.
     """
 
-    def __init__(self, kind: str) -> None:
-        super().__init__(kind, automatically_declare_parameters_from_overrides=True)
+    def __init__(self, kind: str, name: str = "") -> None:
+        super().__init__(name or kind, automatically_declare_parameters_from_overrides=True)
         self._beat = NodeStatus(
             node=self.get_fully_qualified_name(),
             kind=kind,
@@ -69,6 +77,8 @@ class GraphNode(Node):
                 handler(request, response)
             except PgaError as error:
                 self._refuse(response, ok_field, name, str(error))
+            except ExternalShutdownException:
+                raise  # the node is to end, and there is nothing left to answer with
             except Exception as error:  # a fault must not take the node down with it
                 self.get_logger().error(traceback.format_exc())
                 reason = f"internal fault: {type(error).__name__}: {error}"
