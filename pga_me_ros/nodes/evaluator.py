@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import threading
+import time
 from dataclasses import dataclass
 from importlib.metadata import version
 
@@ -13,6 +15,7 @@ os.environ.setdefault(
 import numpy as np
 from pga_me_msgs.msg import Transitions
 from pga_me_msgs.srv import Evaluate
+from rclpy.executors import ExternalShutdownException
 
 from pga_me_ros.core.errors import RequestError
 from pga_me_ros.core.policy import Controller, MlpShape
@@ -20,11 +23,14 @@ from pga_me_ros.core.schedule import evaluation_rng
 from pga_me_ros.core.setting_field import setting
 from pga_me_ros.ros import names, qos
 from pga_me_ros.ros.convert import episode_to_msg, finite, flat, shaped
-from pga_me_ros.ros.graph_node import GraphNode
+from pga_me_ros.ros.graph_node import GraphNode, own_name
 from pga_me_ros.ros.parameters import declare
 from pga_me_ros.ros.process import run_node
 from pga_me_ros.tasks.registry import load_task
 from pga_me_ros.tasks.rollout import Episode, rollout
+
+READER_WAIT = 2.0
+"""Seconds that the first evaluation waits for a reader of its experience; the trainer's may still be on its way."""
 
 
 @dataclass(frozen=True)
@@ -38,13 +44,14 @@ class Evaluator(GraphNode):
     """Simulates controllers for whoever asks, and publishes what they experienced."""
 
     def __init__(self) -> None:
-        super().__init__("evaluator")
+        super().__init__("evaluator", own_name("evaluator"))
         self._task_name = declare(self, EvaluatorSettings)["task"]
         self._task = load_task(self._task_name)()
         self._spec = self._task.spec
         self._experience = self.create_publisher(
             Transitions, names.TRANSITIONS, qos.EXPERIENCE_WRITER
         )
+        self._heard_of = False
         self.serve(Evaluate, names.EVALUATE, self._evaluate)
         libraries = ", ".join(f"{name} {version(name)}" for name in ("pybullet", "numpy"))
         self.start_heartbeat(task=self._task_name, versions=libraries)
@@ -52,7 +59,10 @@ class Evaluator(GraphNode):
     def _evaluate(self, request: Evaluate.Request, response: Evaluate.Response) -> None:
         controllers = self._controllers(request)
         episodes: list[Episode] = []
+        self._wait_for_reader()
         for evaluation, controller in zip(request.evaluations, controllers, strict=True):
+            if not self.context.ok():
+                raise ExternalShutdownException  # others do what is left of the chunk
             rng = evaluation_rng(request.seed, evaluation)
             episode = rollout(self._task, controller, rng)
             episodes.append(episode)
@@ -62,6 +72,15 @@ class Evaluator(GraphNode):
         response.descriptors = flat([e.descriptor for e in episodes], "d")
         response.steps = flat([e.length for e in episodes], "q")
         response.terminated = [bool(e.terminated) for e in episodes]
+
+    def _wait_for_reader(self) -> None:
+        """Give discovery a moment before the first episode, which would be done again if nobody heard of it."""
+        deadline = time.monotonic() + READER_WAIT
+        pause = threading.Event()
+        while not self._heard_of and time.monotonic() < deadline and self.context.ok():
+            self._heard_of = self._experience.get_subscription_count() > 0
+            pause.wait(0.0 if self._heard_of else 0.01)
+        self._heard_of = True
 
     def _publish(self, request: Evaluate.Request, evaluation: int, episode: Episode) -> None:
         msg = episode_to_msg(
