@@ -49,6 +49,8 @@ def main() -> int:
         print(table(runs))
         for file in draw(runs, arguments.out):
             print(file)
+    except BrokenPipeError:  # the reader, such as `head`, has seen enough
+        sys.stderr.close()
     except (PgaError, OSError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
