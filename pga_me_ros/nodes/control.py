@@ -5,12 +5,14 @@ from __future__ import annotations
 import threading
 from typing import Any
 
+from rclpy.impl.rcutils_logger import RcutilsLogger
 from rclpy.node import Node
 from std_srvs.srv import Trigger
 
 from pga_me_ros.core.errors import SettingsError
 from pga_me_ros.core.settings import RATES, Settings
 from pga_me_ros.nodes.options import RunOptions
+from pga_me_ros.nodes.terminal import CalmLogger, Terminal
 from pga_me_ros.ros import names
 from pga_me_ros.ros.parameters import declare_run, on_change
 
@@ -23,9 +25,11 @@ class Control(Node):
         options: How the run is carried out.
         stop_requested: Set when the run is to end.
         paused: Set while no new generation is to begin.
+        terminal: Where progress is shown.
     """
 
     def __init__(self) -> None:
+        self.terminal = Terminal()
         super().__init__("orchestrator", automatically_declare_parameters_from_overrides=True)
         self.settings, options = declare_run(self, RunOptions)
         self.options = RunOptions(**options)
@@ -35,6 +39,10 @@ class Control(Node):
         self.create_service(Trigger, names.RESUME, self._resume)
         self.create_service(Trigger, names.STOP, self._stop)
         on_change(self, self._changed, self._change)
+
+    def get_logger(self) -> RcutilsLogger | CalmLogger:
+        """Return a logger that does not write into the line of progress."""
+        return CalmLogger(super().get_logger(), self.terminal)
 
     def take_rates(self, settings: Settings) -> None:
         """Take the rates of a resumed run as they are in force."""

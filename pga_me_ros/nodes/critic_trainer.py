@@ -15,6 +15,7 @@ from pga_me_ros.core.durable_learner import DurableLearner
 from pga_me_ros.core.errors import PgaError, RequestError
 from pga_me_ros.core.policy import controller_shape
 from pga_me_ros.core.schedule import TrainingOrder
+from pga_me_ros.core.settings import Settings
 from pga_me_ros.core.snapshot import Snapshot
 from pga_me_ros.nodes.options import ChildOptions
 from pga_me_ros.ros import names, qos

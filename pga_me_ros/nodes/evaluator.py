@@ -22,6 +22,7 @@ from pga_me_ros.core.policy import Controller, MlpShape
 from pga_me_ros.core.schedule import evaluation_rng
 from pga_me_ros.core.setting_field import setting
 from pga_me_ros.ros import names, qos
+from pga_me_ros.ros.command_line import Program
 from pga_me_ros.ros.convert import episode_to_msg, finite, flat, shaped
 from pga_me_ros.ros.graph_node import GraphNode, own_name
 from pga_me_ros.ros.parameters import declare
@@ -124,9 +125,16 @@ class Evaluator(GraphNode):
         super().destroy_node()
 
 
+PROGRAM = Program(
+    "evaluator",
+    "Simulates controllers for the runs of its task; joins them from any machine of the network.",
+    (EvaluatorSettings,),
+)
+
+
 def main() -> int:
     """Run the evaluator."""
-    return run_node(Evaluator)
+    return run_node(PROGRAM, Evaluator)
 
 
 if __name__ == "__main__":

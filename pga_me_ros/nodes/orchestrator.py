@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -18,11 +19,14 @@ from rclpy.signals import SignalHandlerOptions
 
 from pga_me_ros.core.errors import PgaError
 from pga_me_ros.core.run_directory import RunDirectory, default_run_dir, open_run
+from pga_me_ros.core.settings import Settings
 from pga_me_ros.nodes.caller import StoppedError, Waiter
 from pga_me_ros.nodes.control import Control
+from pga_me_ros.nodes.options import RunOptions
 from pga_me_ros.nodes.progress import ProgressReporter
 from pga_me_ros.nodes.run import Run
 from pga_me_ros.ros import names, qos
+from pga_me_ros.ros.command_line import Program, start
 from pga_me_ros.ros.process import report
 from pga_me_ros.tasks.registry import task_spec
 
@@ -89,6 +93,7 @@ def lead(control: Control, signals: Signals) -> int:
             run.serve()
     except StoppedError:
         if progress.msg.state != "finished":
+            progress.enter("stopping")
             progress.say(stopped(progress, directory, run))
             return signals.exit_code
     except PgaError:
@@ -96,6 +101,7 @@ def lead(control: Control, signals: Signals) -> int:
         raise
     finally:
         timer.cancel()
+        control.terminal.close()
         end(run, directory)
     return 0
 
@@ -174,16 +180,28 @@ def spinning(node: Node) -> Iterator[None]:
         thread.join()
 
 
+PROGRAM = Program(
+    "orchestrator",
+    "Grows a repertoire by PGA-MAP-Elites: starts the other nodes, leads the run and serves what it found. "
+    "The same command resumes a run that was stopped.",
+    (Settings, RunOptions),
+)
+
+
 def main() -> int:
     """Run the orchestrator."""
     try:
-        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+        if not start(PROGRAM, signal_handler_options=SignalHandlerOptions.NO):
+            return 0
         control = Control()
         signals = Signals(control)
         with spinning(control):
             return lead(control, signals)
     except (StoppedError, KeyboardInterrupt, SecondSignal):
         return 130
+    except BrokenPipeError:  # whoever read our output has left, as `| head` does
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 128 + signal.SIGPIPE
     except Exception as error:
         return report(error)
     finally:

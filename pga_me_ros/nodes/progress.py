@@ -1,18 +1,17 @@
-"""How a run is going, for people: one calm line in a terminal, plain lines elsewhere, and a topic."""
+"""How a run is going: a topic for programs, and a line of text for people."""
 
 from __future__ import annotations
 
 import math
 import os
 import socket
-import sys
 import time
 from collections import deque
 
 from pga_me_msgs.msg import Metrics, Progress
-from rclpy.node import Node
 
 from pga_me_ros.core.settings import Settings
+from pga_me_ros.nodes.control import Control
 from pga_me_ros.ros import names, qos
 
 WINDOW = 20
@@ -23,19 +22,17 @@ class ProgressReporter:
     """Publishes `Progress` and prints it.
 
     Args:
-        node: The orchestrator's node.
+        control: The orchestrator's node.
     """
 
-    def __init__(self, node: Node) -> None:
-        self._node = node
+    def __init__(self, control: Control) -> None:
+        self._control = control
         self.msg = Progress(
             state="starting", generation=-1, host=socket.gethostname(), pid=os.getpid()
         )
         self.msg.max_fitness = self.msg.eta = math.nan
-        self._publisher = node.create_publisher(Progress, names.PROGRESS, qos.LATCHED)
+        self._publisher = control.create_publisher(Progress, names.PROGRESS, qos.LATCHED)
         self._times: deque[tuple[float, int]] = deque(maxlen=WINDOW + 1)
-        self._in_place = sys.stdout.isatty()
-        self._open_line = False
 
     def begin(self, run_id: str, settings: Settings) -> None:
         """Say which run it is."""
@@ -46,6 +43,9 @@ class ProgressReporter:
 
     def enter(self, state: str) -> None:
         """Say that the run is in another state now."""
+        if state == "running" and self.msg.state != "running":
+            self._times.clear()
+            self._times.append((time.monotonic(), self.msg.evaluations))
         self.msg.state = state
         self.publish()
 
@@ -60,39 +60,42 @@ class ProgressReporter:
         msg.generation, msg.evaluations = metrics.generation, metrics.evaluations
         msg.cells, msg.coverage = metrics.cells, metrics.coverage
         msg.qd_score, msg.max_fitness = metrics.qd_score, metrics.max_fitness
-        self._times.append((time.monotonic(), metrics.evaluations))
-        (t0, n0), (t1, n1) = self._times[0], self._times[-1]
-        if t1 > t0:
-            msg.rate = (n1 - n0) / (t1 - t0)
-            msg.eta = max(0, msg.budget - msg.evaluations) / msg.rate
-        self.publish()
         if finished:
-            self._print(self.line(), in_place=True)
+            self._measure()
+            self._control.terminal.show(self.parts())
+        self.publish()
 
     def publish(self) -> None:
         """Publish the present state."""
-        self.msg.stamp = self._node.get_clock().now().to_msg()
+        self.msg.stamp = self._control.get_clock().now().to_msg()
         self._publisher.publish(self.msg)
 
     def say(self, text: str) -> None:
         """Print a line of its own."""
-        self._print(text, in_place=False)
+        self._control.terminal.say(text)
 
-    def line(self) -> str:
-        """Return the progress in one line."""
+    def parts(self) -> list[str]:
+        """Return the progress in words, what can be left out in a narrow terminal at the end."""
         m = self.msg
-        return (
-            f"{m.task}  generation {m.generation + 1}/{m.generations}  "
-            f"evaluations {m.evaluations}/{m.budget}  {m.rate:.1f}/s  "
-            f"coverage {m.coverage}/{m.cells}  QD-score {m.qd_score:.0f}  best {m.max_fitness:.0f}  "
-            f"ETA {_duration(m.eta)}"
-        )
+        return [
+            m.task,
+            f"evaluations {m.evaluations}/{m.budget}",
+            f"coverage {m.coverage}/{m.cells}",
+            f"ETA {_duration(m.eta)}",
+            f"best {m.max_fitness:.0f}",
+            f"QD-score {m.qd_score:.0f}",
+            f"{m.rate:.1f}/s",
+            f"generation {m.generation + 1}/{m.generations}",
+        ]
 
-    def _print(self, text: str, *, in_place: bool) -> None:
-        in_place = in_place and self._in_place
-        start = "\r\x1b[K" if self._open_line else ""
-        print(start + text, end="" if in_place else "\n", flush=True)
-        self._open_line = in_place
+    def _measure(self) -> None:
+        """Take rate and remaining time from the last generations."""
+        msg = self.msg
+        self._times.append((time.monotonic(), msg.evaluations))
+        (t0, n0), (t1, n1) = self._times[0], self._times[-1]
+        if t1 > t0:
+            msg.rate = (n1 - n0) / (t1 - t0)
+            msg.eta = max(0, msg.budget - msg.evaluations) / msg.rate
 
 
 def _duration(seconds: float) -> str:

@@ -18,6 +18,7 @@ from pga_me_ros.core.settings import Settings
 from pga_me_ros.core.snapshot import Snapshot
 from pga_me_ros.nodes.options import ChildOptions
 from pga_me_ros.ros import names, qos
+from pga_me_ros.ros.command_line import Program
 from pga_me_ros.ros.convert import finite, flat, shaped, snapshot_from_msg, with_rates
 from pga_me_ros.ros.graph_node import GraphNode
 from pga_me_ros.ros.parameters import declare_run
@@ -112,9 +113,16 @@ class Variation(GraphNode):
             )
 
 
+PROGRAM = Program(
+    "variation",
+    "Makes offspring by GA and PG variation for a run; the orchestrator starts it.",
+    (Settings, ChildOptions),
+)
+
+
 def main() -> int:
     """Run the variation node."""
-    return run_node(Variation)
+    return run_node(PROGRAM, Variation)
 
 
 if __name__ == "__main__":

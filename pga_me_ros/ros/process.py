@@ -9,10 +9,12 @@ import traceback
 from collections.abc import Callable
 
 import rclpy
+from rclpy._rclpy_pybind11 import RCLError
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 
 from pga_me_ros.core.errors import PgaError
+from pga_me_ros.ros.command_line import Program, start
 
 PARENT_WATCH = "PGA_ME_PARENT_WATCH"
 """Environment variable that tells a child to end when its standard input closes, that is, when its parent is gone."""
@@ -24,10 +26,11 @@ EXIT_FAULT = 1
 EXIT_BAD_INPUT = 2
 
 
-def run_node(make: Callable[[], Node], args: list[str] | None = None) -> int:
+def run_node(program: Program, make: Callable[[], Node], args: list[str] | None = None) -> int:
     """Run one node until it is told to stop.
 
     Args:
+        program: What the executable says about itself.
         make: Makes the node; called after ``rclpy.init``.
         args: Command line without the program's name; None takes the process's own.
 
@@ -36,7 +39,8 @@ def run_node(make: Callable[[], Node], args: list[str] | None = None) -> int:
     """
     node: Node | None = None
     try:
-        rclpy.init(args=args)
+        if not start(program, args):
+            return 0
         watch_parent()
         node = make()
         executor = SingleThreadedExecutor()
@@ -58,7 +62,7 @@ def report(error: Exception) -> int:
     if isinstance(error, PgaError):
         print(f"error: {error}", file=sys.stderr, flush=True)
         return EXIT_BAD_INPUT
-    if type(error).__name__ in ("RCLError", "UnknownROSArgsError", "RCLInvalidROSArgsError"):
+    if isinstance(error, RCLError):
         reason = " ".join(str(error).split())
         print(f"error: ROS 2 could not start: {reason}", file=sys.stderr, flush=True)
         return EXIT_BAD_INPUT

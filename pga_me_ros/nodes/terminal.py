@@ -1,0 +1,117 @@
+"""What a run prints: lines that stay, and one line of progress that is written over in place."""
+
+from __future__ import annotations
+
+import os
+import sys
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+from rclpy.impl.rcutils_logger import RcutilsLogger
+
+CLEAR = "\r\x1b[K"
+"""Back to the start of the line, and wipe it."""
+
+
+class Terminal:
+    """Standard output of the orchestrator; safe to use from several threads.
+
+    Where it is no terminal, every line of progress is a line of its own.
+    """
+
+    def __init__(self) -> None:
+        self._in_place = sys.stdout.isatty() and os.environ.get("TERM") != "dumb"
+        self._status: Sequence[str] = ()
+        self._lock = threading.RLock()
+
+    def say(self, text: str) -> None:
+        """Print a line that stays."""
+        with self.aside():
+            print(text, flush=True)
+
+    def show(self, parts: Sequence[str]) -> None:
+        """Print the line of progress, over the one before.
+
+        Args:
+            parts: Its parts, the ones that can be left out first at the end.
+        """
+        with self._lock:
+            if self._in_place:
+                self._status = tuple(parts)
+                self._draw()
+            else:
+                print("  ".join(parts), flush=True)
+
+    @contextmanager
+    def aside(self) -> Iterator[None]:
+        """Take the line of progress out of the way while something else is written."""
+        with self._lock:
+            if self._status:
+                print(CLEAR, end="", flush=True)
+            yield
+            if self._status:
+                self._draw()
+
+    def close(self) -> None:
+        """Leave the line of progress where it is; what is printed next begins below it."""
+        with self._lock:
+            if self._status:
+                print(flush=True)
+            self._status = ()
+
+    def _draw(self) -> None:
+        print(CLEAR + fitted(self._status, _columns()), end="", flush=True)
+
+
+def fitted(parts: Sequence[str], columns: int) -> str:
+    """Return as many parts as fit into a line, two spaces between them, the first one cut if need be.
+
+    The last column stays free: terminals begin a new line when it is written to.
+    """
+    width = max(columns - 1, 1)
+    count = len(parts)
+    while count > 1 and len("  ".join(parts[:count])) > width:
+        count -= 1
+    return "  ".join(parts[:count])[:width]
+
+
+def _columns() -> int:
+    try:
+        return os.get_terminal_size(sys.stdout.fileno()).columns or 80
+    except OSError:
+        return 80
+
+
+class CalmLogger:
+    """A node's logger that takes the line of progress out of its way.
+
+    Args:
+        logger: The logger of rclpy.
+        terminal: Where progress is shown.
+    """
+
+    def __init__(self, logger: RcutilsLogger, terminal: Terminal) -> None:
+        self._logger = logger
+        self._terminal = terminal
+
+    def __getattr__(self, name: str) -> Any:
+        """Everything else is the logger's own."""
+        return getattr(self._logger, name)
+
+    # A method each: rclpy remembers a severity for every line of code that logs.
+    def info(self, message: str) -> None:
+        """Log what is good to know."""
+        with self._terminal.aside():
+            self._logger.info(message)
+
+    def warning(self, message: str) -> None:
+        """Log what the run copes with."""
+        with self._terminal.aside():
+            self._logger.warning(message)
+
+    def error(self, message: str) -> None:
+        """Log what it does not cope with."""
+        with self._terminal.aside():
+            self._logger.error(message)

@@ -1,0 +1,147 @@
+"""Command lines of the nodes: help without starting ROS 2, and every mistake told in one line."""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import rclpy
+from rclpy._rclpy_pybind11 import RCLError, RCLInvalidROSArgsError, UnknownROSArgsError
+from rclpy.logging import LoggingSeverity, get_logger_level, set_logger_level
+
+from pga_me_ros.core.errors import SettingsError, nearest_name
+from pga_me_ros.ros.parameter_help import parameter_list
+from pga_me_ros.ros.params_file import matches, sections
+
+HELP = ("-h", "--help")
+
+
+@dataclass(frozen=True)
+class Program:
+    """What a node's executable says about itself.
+
+    Attributes:
+        name: Executable and default node name.
+        summary: What it does, in a sentence.
+        parameters: Settings dataclasses whose fields are its parameters.
+    """
+
+    name: str
+    summary: str
+    parameters: tuple[type, ...]
+
+    def help(self) -> str:
+        """Return the text for ``--help``."""
+        return (
+            f"Usage: {self.name} [--help] [--ros-args [-p NAME:=VALUE]... [--params-file FILE] "
+            f"[-r __ns:=/NAMESPACE]]\n\n{self.summary}\n\n"
+            f"Parameters (* can be set while it runs):\n\n{parameter_list(*self.parameters)}"
+        )
+
+
+def start(program: Program, args: Sequence[str] | None = None, **options: Any) -> bool:
+    """Check the command line, then initialise ROS 2; or print the help that it asks for.
+
+    Args:
+        program: The executable.
+        args: Command line without the program's name; None takes the process's own.
+        options: More arguments of ``rclpy.init``.
+
+    Returns:
+        Whether ROS 2 was initialised and the node is to run.
+
+    Raises:
+        SettingsError: An argument or a params file is wrong.
+    """
+    args = list(sys.argv[1:] if args is None else args)
+    if any(word in HELP for word in args):
+        print(program.help(), end="")
+        return False
+    check(program, args)
+    # What rcl logs about bad arguments comes again with the error, where it can be put into words.
+    set_logger_level("rcl", LoggingSeverity.FATAL)
+    try:
+        rclpy.init(args=[program.name, *args], **options)
+    except (RCLError, RCLInvalidROSArgsError, UnknownROSArgsError) as error:
+        raise SettingsError(_in_words(error)) from None
+    finally:
+        if get_logger_level("rcl") == LoggingSeverity.FATAL:
+            set_logger_level("rcl", LoggingSeverity.UNSET)
+    return True
+
+
+def check(program: Program, args: Sequence[str]) -> None:
+    """Refuse arguments that ROS 2 would pass over or complain about in terms of its sources.
+
+    Raises:
+        SettingsError: An argument is no ROS argument, or a params file is wrong.
+    """
+    unknown = _outside_ros_args(args)
+    if unknown:
+        near = nearest_name(unknown[0], (*HELP, "--ros-args"))
+        raise SettingsError(
+            f"Unknown argument '{unknown[0]}'{near}; parameters come after --ros-args: {program.name} "
+            "--ros-args -p NAME:=VALUE. --help lists them."
+        )
+    node = node_name(program, args)
+    for flag, value in pairwise(args):
+        if flag == "--params-file":
+            found = sections(Path(value))
+            if not any(matches(section, node) for section in found):
+                raise SettingsError(
+                    f"Params file '{value}' has nothing for node '{node}', only for {', '.join(found)}; "
+                    "name its section '/**' or leave the file out."
+                )
+
+
+def node_name(program: Program, args: Sequence[str]) -> str:
+    """Return the fully qualified name that a node will have, as remapped on the command line."""
+    namespace, name = "/", program.name
+    for word in args:
+        rule = re.fullmatch(r"(?:[^:]+:)?__(ns|node|name):=(.+)", word)
+        if rule and rule[1] == "ns":
+            namespace = rule[2]
+        elif rule:
+            name = rule[2]
+    return f"{namespace.rstrip('/')}/{name}"
+
+
+def _outside_ros_args(args: Sequence[str]) -> list[str]:
+    """Return the arguments that are not between ``--ros-args`` and ``--``."""
+    outside, inside = [], False
+    for word in args:
+        if word == "--ros-args":
+            inside = True
+        elif inside and word == "--":
+            inside = False
+        elif not inside:
+            outside.append(word)
+    return outside
+
+
+def _in_words(error: Exception) -> str:
+    """Say what rcl found wrong with the arguments, and what it expected."""
+    if isinstance(error, UnknownROSArgsError):
+        words = " ".join(re.findall(r"'([^']*)'", str(error)))
+        return f"Unknown ROS argument '{words}'; expected -p, --params-file, -r or another that `ros2 run` knows."
+    text = re.sub(r", at \S+:\d+", "", " ".join(str(error).split()))
+    text = text.removeprefix("failed to initialize rcl: ")
+    found = re.fullmatch(r"Couldn't parse [^:']*: '(--?\S+) ?(.*)'\. Error: (.*)", text)
+    if not found:
+        return f"ROS 2 could not start: {text.rstrip('.')}; --help shows what can be given."
+    flag, value, reason = found.groups()
+    expected = {
+        "-p": "-p NAME:=VALUE, with a VALUE",
+        "--param": "--param NAME:=VALUE, with a VALUE",
+        "-r": "-r FROM:=TO, or -r __ns:=/NAMESPACE with the slash",
+        "--remap": "--remap FROM:=TO, or --remap __ns:=/NAMESPACE with the slash",
+        "--params-file": "a YAML file of ROS 2 parameters, entries of a list all of one type",
+        "--log-level": "debug, info, warn, error or fatal",
+    }.get(flag, "what `ros2 run` accepts")
+    told = "" if "lexeme" in reason or "not set" in reason else f" ({reason.strip()})"
+    return f"ROS 2 does not understand '{flag} {value}'{told}; expected {expected}."
