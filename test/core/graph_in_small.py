@@ -1,0 +1,153 @@
+"""A run as the graph carries it out, without ROS: training orders, learner on disk, offspring in pieces."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from pathlib import Path
+
+import numpy as np
+from lane_task import Lane
+
+from pga_me_ros.core.archive import Archive
+from pga_me_ros.core.durable_learner import DurableLearner
+from pga_me_ros.core.elites import NO_PARENT, Operator, Solutions
+from pga_me_ros.core.make_archive import make_archive
+from pga_me_ros.core.offspring import ga_offspring, pg_states, random_controllers
+from pga_me_ros.core.pg_variation import pg_variation
+from pga_me_ros.core.policy import Controller, controller_shape
+from pga_me_ros.core.schedule import (
+    TrainingOrder,
+    batch_plan,
+    evaluation_ids,
+    evaluation_rng,
+    sample_parents,
+    training_for,
+    training_meanwhile,
+)
+from pga_me_ros.core.settings import Settings
+from pga_me_ros.core.snapshot import Snapshot
+from pga_me_ros.tasks.rollout import rollout
+
+PIECE = 3
+PARENTS = {Operator.RANDOM: 0, Operator.GREEDY: 0, Operator.PG: 1, Operator.GA: 2}
+
+
+class GraphInSmall:
+    """Archive and learner of a run.
+
+    Args:
+        settings: Settings of the run.
+        folder: Folder of the run.
+        rates: Settings from each of these generations on.
+    """
+
+    def __init__(
+        self, settings: Settings, folder: Path, rates: Mapping[int, Settings] | None = None
+    ) -> None:
+        self._settings, self._folder = settings, folder
+        self._rates = {0: settings, **(rates or {})}
+        self._shape = controller_shape(Lane.spec, settings)
+        self._task = Lane()
+        self.archive: Archive = make_archive(Lane.spec, settings)
+        self.restart_learner()
+
+    def restart_learner(self) -> None:
+        """Lose everything that is only in the learner's memory."""
+        self.learner = DurableLearner(Lane.spec, self._settings, self._folder)
+
+    def grow(
+        self,
+        generations: range,
+        restarts: Collection[int] = (),
+        late_restarts: Collection[int] = (),
+    ) -> None:
+        """Do generations; the learner dies before those of `restarts`, and before storing those of `late_restarts`."""
+        for t in generations:
+            if t in restarts:
+                self.restart_learner()
+            self._generation(t, dies_late=t in late_restarts)
+
+    def _rates_for(self, t: int) -> Settings:
+        return self._rates[max(g for g in self._rates if g <= max(t, 0))]
+
+    def _trained(self, order: TrainingOrder | None) -> Snapshot | None:
+        if order is None:
+            return None
+        done = self.learner.find(order)
+        if done:
+            return done
+        start = None
+        if self._settings.greedy_init == "best":
+            start = self.archive.best().parameters
+        self.learner.prepare(order, start)
+        return self.learner.train(order)
+
+    def _generation(self, t: int, *, dies_late: bool) -> None:
+        s = self._rates_for(t)
+        snapshot = self._trained(training_for(s, self._rates_for(t - 1), t))
+        meanwhile = training_meanwhile(s, t)
+        self._trained(meanwhile)
+        operators, parents, parameters = self._offspring(s, t, snapshot)
+        ids = evaluation_ids(s, t)
+        episodes = [
+            rollout(self._task, Controller(self._shape, p), evaluation_rng(s.seed, k))
+            for k, p in zip(ids, parameters, strict=True)
+        ]
+        if dies_late:
+            self.restart_learner()
+        for k in reversed(ids):
+            self.learner.experience.stage(t, k, episodes[k - ids.start])
+        self.learner.experience.store(t)
+        solutions = Solutions.of(
+            fitness=[e.fitness for e in episodes],
+            descriptors=[e.descriptor for e in episodes],
+            parameters=parameters,
+            evaluations=ids,
+            generation=t,
+            operators=operators,
+            parents=parents,
+            steps=[e.length for e in episodes],
+            terminated=[e.terminated for e in episodes],
+        )
+        self.archive.add(solutions)
+
+    def _offspring(
+        self, s: Settings, t: int, snapshot: Snapshot | None
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        b = s.batch_size
+        operators = np.zeros(b, np.int64)
+        parents = np.full((b, 2), NO_PARENT, np.int64)
+        parameters = np.zeros((b, self._shape.parameter_count), np.float32)
+        for slots in batch_plan(s, t):
+            end = slots.first + slots.count
+            for first in range(slots.first, end, PIECE):
+                places = slice(first, min(first + PIECE, end))
+                operators[places] = slots.operator
+                ids, made = self._made(s, t, snapshot, slots.operator, first, places.stop - first)
+                parents[places, : ids.shape[1]], parameters[places] = ids, made
+        return operators, parents, parameters
+
+    def _made(
+        self, s: Settings, t: int, snapshot: Snapshot | None, operator: Operator, first: int, n: int
+    ) -> tuple[np.ndarray, np.ndarray]:
+        each = PARENTS[operator]
+        if operator == Operator.RANDOM:
+            return np.empty((n, 0)), random_controllers(s, self._shape, t, first, n)
+        if operator == Operator.GREEDY:
+            assert snapshot is not None
+            return np.empty((n, 0)), snapshot.greedy[None]
+        cells = sample_parents(self.archive, s.seed, t, first, n, each)
+        chosen = self.archive.parameters[cells]
+        if operator == Operator.GA:
+            return self.archive.evaluations[cells], ga_offspring(s, self._shape, t, first, chosen)
+        assert snapshot is not None
+        made = pg_variation(
+            chosen[:, 0],
+            snapshot.critic,
+            pg_states(snapshot, first, n),
+            s.pg_learning_rate,
+            self._shape,
+            snapshot.critic_shape,
+            threads=s.torch_threads,
+        )
+        return self.archive.evaluations[cells], made
