@@ -20,6 +20,10 @@ from pga_me_ros.tasks.spec import TaskSpec
 
 REPERTOIRE = "repertoire.db"
 LOCK = "run.lock"
+FOLDERS = ("logs", "parameters", "experience")
+
+ORPHAN_WAIT = 5.0
+"""Seconds that the children of a killed orchestrator get to notice and leave."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +73,8 @@ def open_run(path: Path, spec: TaskSpec, settings: Settings) -> RunDirectory:
     Raises:
         StorageError: The folder cannot be written, is in use, or holds another or a damaged run.
     """
-    _make(path)
+    for folder in (path, *(path / name for name in FOLDERS)):
+        _make(folder)
     lock = FileLock(path / LOCK, wait=ORPHAN_WAIT)
     try:
         if not (path / REPERTOIRE).exists():
@@ -80,21 +85,17 @@ def open_run(path: Path, spec: TaskSpec, settings: Settings) -> RunDirectory:
         raise
 
 
-ORPHAN_WAIT = 5.0
-"""Seconds that the children of a killed orchestrator get to notice and leave."""
-
-
 def _make(path: Path) -> None:
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise StorageError(
-            f"Cannot make the run directory '{path}' ({error.strerror}); give run_dir a folder that "
+            f"Cannot make the folder '{path}' ({error.strerror}); give run_dir a folder that "
             "can be written to."
         ) from None
     if not os.access(path, os.W_OK | os.X_OK):
         raise StorageError(
-            f"The run directory '{path}' cannot be written to; give run_dir another folder or "
+            f"The folder '{path}' cannot be written to; give run_dir another folder or "
             "change its permissions."
         )
 

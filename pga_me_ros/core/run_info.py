@@ -71,14 +71,16 @@ class RunInfo:
         Raises:
             StorageError: Something that decides the result is another one.
         """
-        found = identity_difference(Settings.from_mapping(_tuples(self.settings)), settings)
+        own = Settings.from_mapping(_tuples(self.settings))
+        found = identity_difference(_with_cells(own, self.task), _with_cells(settings, task))
         ours = json.loads(json.dumps(self.task))
         theirs = json.loads(json.dumps(dict(task)))
-        found += [
-            f"task {name}: {ours.get(name)} != {theirs.get(name)}"
-            for name in sorted(ours.keys() | theirs.keys())
-            if ours.get(name) != theirs.get(name)
-        ]
+        if ours.get("name") == theirs.get("name"):
+            names = sorted(ours.keys() | theirs.keys())
+            changed = [name for name in names if ours.get(name) != theirs.get(name)]
+            found += [f"{name} of the task's spec has changed" for name in changed]
+        elif not any(difference.startswith("task:") for difference in found):
+            found.append(f"task name: {ours.get('name')} != {theirs.get('name')}")
         if found:
             raise StorageError(
                 "The repertoire belongs to a run with other settings (its own != yours): "
@@ -108,3 +110,10 @@ def library_versions() -> dict[str, str]:
 
 def _tuples(settings: Mapping[str, Any]) -> dict[str, Any]:
     return {k: tuple(v) if isinstance(v, list) else v for k, v in settings.items()}
+
+
+def _with_cells(settings: Settings, task: Mapping[str, Any]) -> Settings:
+    """Return settings in which 0 cells and the task's own number of them are the same."""
+    if settings.archive == "grid":
+        return settings.replace(cells=0, cvt_samples=Settings.cvt_samples)
+    return settings.replace(cells=settings.cells or task.get("archive_cells", 0))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 from typing import Any
 
 from pga_me_ros.core.errors import SettingsError, nearest_name
@@ -69,10 +70,13 @@ def checked_value(f: dataclasses.Field[Any], value: Any) -> Any:
 def _checked_scalar(f: dataclasses.Field[Any], value: Any, kind: type) -> Any:
     if kind is float and isinstance(value, int) and not isinstance(value, bool):
         value = float(value)
+    if kind is int and isinstance(value, float) and value.is_integer():
+        value = int(value)  # 1e6 is how people write a million
     if type(value) is not kind:
         wanted = {int: "an integer", float: "a number", str: "a string", bool: "true or false"}
         raise SettingsError(
-            f"{f.name} must be {wanted[kind]}, not {value!r} ({type(value).__name__})."
+            f"{f.name} must be {wanted[kind]}, not {value!r} ({type(value).__name__})"
+            + (f"; put it in quotes: {f.name}:=\"'{value}'\"." if kind is str else ".")
         )
     meta = f.metadata
     if meta["choices"] and value not in meta["choices"]:
@@ -82,5 +86,11 @@ def _checked_scalar(f: dataclasses.Field[Any], value: Any, kind: type) -> Any:
         )
     low, high = meta["low"], meta["high"]
     if low is not None and not low <= value <= high:
-        raise SettingsError(f"{f.name} is {value}; it must be from {low} to {high}.")
+        raise SettingsError(
+            f"{f.name} is {value}; expected a value from {low} to {high}{_unit(meta)}."
+        )
     return value
+
+
+def _unit(meta: Mapping[str, Any]) -> str:
+    return f" {meta['unit']}" if meta["unit"] else ""

@@ -61,14 +61,15 @@ class Settings:
     )
     cells: int = setting(
         0,
-        "Number of cells of a CVT archive; 0 takes the task's (Walker and Cheetah 1024, Ant 1296, Hopper 1000).",
+        "Cells of a CVT archive, 0 for the task's own (Walker and Cheetah 1024, Ant 1296, Hopper 1000); "
+        "a grid takes its bins from the task and passes this over.",
         low=0,
         high=1_000_000,
         unit="cells",
     )
     cvt_samples: int = setting(
         100_000,
-        "Uniform samples that the Voronoi cells are made of.",
+        "Uniform samples that the Voronoi cells of a CVT archive are made of.",
         low=1,
         high=10_000_000,
         unit="samples",

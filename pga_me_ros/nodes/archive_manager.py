@@ -17,6 +17,7 @@ from pga_me_ros.core.setting_field import setting
 from pga_me_ros.core.settings import RATES, Settings
 from pga_me_ros.core.storage import Repertoire
 from pga_me_ros.nodes.heatmap_topic import HeatmapTopic
+from pga_me_ros.nodes.options import RunOptions
 from pga_me_ros.nodes.repertoire_services import RepertoireServices
 from pga_me_ros.ros import names, qos
 from pga_me_ros.ros.command_line import Program
@@ -50,7 +51,7 @@ class ArchiveManager(GraphNode):
 
     def __init__(self) -> None:
         super().__init__("archive_manager")
-        values = declare(self, ArchiveManagerSettings)
+        values = declare(self, ArchiveManagerSettings, shared=(Settings, RunOptions))
         if not values["repertoire"]:
             raise SettingsError(
                 "No repertoire is named; give its file: -p repertoire:=RUN_DIR/repertoire.db"

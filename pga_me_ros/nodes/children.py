@@ -67,12 +67,13 @@ class Child:
             )
 
     def last_words(self) -> str:
-        """Return the last line that it wrote to its log."""
+        """Return the last line that it wrote to its log, without what marks it as an error."""
         try:
             lines = self.log_path.read_text(errors="replace").split("\n")
         except OSError:
             return ""
-        return next((line.strip() for line in reversed(lines) if line.strip()), "")
+        last = next((line.strip() for line in reversed(lines) if line.strip()), "")
+        return last.removeprefix("error: ")
 
 
 class Children:
@@ -172,7 +173,9 @@ class Children:
         assert child.process is not None
         code = child.process.returncode
         if code == EXIT_BAD_INPUT:
-            raise ChildError(f"Node '{child.name}' cannot start: {child.last_words()}")
+            raise ChildError(
+                f"Node '{child.name}' cannot start: {child.last_words()} See {child.log_path}."
+            )
         now = time.monotonic()
         child.deaths = [t for t in child.deaths if now - t < CRASH_WINDOW] + [now]
         if len(child.deaths) >= CRASH_LIMIT:

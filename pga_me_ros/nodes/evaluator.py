@@ -21,13 +21,15 @@ from pga_me_ros.core.errors import RequestError
 from pga_me_ros.core.policy import Controller, MlpShape
 from pga_me_ros.core.schedule import evaluation_rng
 from pga_me_ros.core.setting_field import setting
+from pga_me_ros.core.settings import Settings
+from pga_me_ros.nodes.options import RunOptions
 from pga_me_ros.ros import names, qos
 from pga_me_ros.ros.command_line import Program
 from pga_me_ros.ros.convert import episode_to_msg, finite, flat, shaped
 from pga_me_ros.ros.graph_node import GraphNode, own_name
 from pga_me_ros.ros.parameters import declare
 from pga_me_ros.ros.process import run_node
-from pga_me_ros.tasks.registry import load_task
+from pga_me_ros.tasks.registry import make_task
 from pga_me_ros.tasks.rollout import Episode, rollout
 
 READER_WAIT = 2.0
@@ -46,8 +48,8 @@ class Evaluator(GraphNode):
 
     def __init__(self) -> None:
         super().__init__("evaluator", own_name("evaluator"))
-        self._task_name = declare(self, EvaluatorSettings)["task"]
-        self._task = load_task(self._task_name)()
+        self._task_name = declare(self, EvaluatorSettings, shared=(Settings, RunOptions))["task"]
+        self._task = make_task(self._task_name)
         self._spec = self._task.spec
         self._experience = self.create_publisher(
             Transitions, names.TRANSITIONS, qos.EXPERIENCE_WRITER

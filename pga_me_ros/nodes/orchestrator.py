@@ -85,6 +85,7 @@ def lead(control: Control, signals: Signals) -> int:
     progress = ProgressReporter(control)
     timer = control.create_timer(HEARTBEAT, progress.publish)
     run = Run(control, spec, directory, options, progress)
+    progress.say(started(directory))
     try:
         run.grow()
         progress.say(finished(directory, run))
@@ -113,6 +114,16 @@ def end(run: Run, directory: RunDirectory) -> None:
     except SecondSignal:
         run.end(at_once=True)
     directory.lock.release()
+
+
+def started(directory: RunDirectory) -> str:
+    """Return the words for a run that begins or goes on."""
+    done, wanted = directory.next_generation, directory.settings.generations
+    if not done:
+        return f"new run in {directory.path}"
+    if done < wanted:
+        return f"resumed the run in {directory.path} after generation {done} of {wanted}"
+    return f"the run in {directory.path} has reached its budget before: {done} generations"
 
 
 def finished(directory: RunDirectory, run: Run) -> str:

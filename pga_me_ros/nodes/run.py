@@ -11,7 +11,7 @@ from pga_me_msgs.srv import GetInfo
 
 from pga_me_ros.core.policy import controller_shape
 from pga_me_ros.core.run_directory import RunDirectory
-from pga_me_ros.nodes.caller import StoppedError, Waiter, call
+from pga_me_ros.nodes.caller import PATIENCE, StoppedError, Waiter, call
 from pga_me_ros.nodes.control import Control
 from pga_me_ros.nodes.critic_side import CriticSide
 from pga_me_ros.nodes.evaluator_pool import EvaluatorPool
@@ -98,9 +98,8 @@ class Run:
         self._waiter.until(self._team.ready)
         if todo.start:
             self._progress.generation(self._metrics(), finished=False)
-            self._progress.say(f"resumed after generation {todo.start} of {settings.generations}")
         if todo:
-            self._waiter.until(self._enough)
+            self._wait_for_evaluators()
         before = self._directory.before
         for t in todo:
             self._wait_while_paused()
@@ -143,10 +142,17 @@ class Run:
     def _heard(self, msg: NodeStatus) -> None:
         self._team.heard(msg)
         self._pool.heard(msg)
+        self._progress.msg.evaluators = len(self._pool)
         self._waiter.wake()
 
     def _enough(self) -> bool:
         return len(self._pool) >= self._options.min_evaluators and self._clients.ready()
+
+    def _wait_for_evaluators(self) -> None:
+        wanted = self._options.min_evaluators
+        if not self._waiter.until(self._enough, PATIENCE) and len(self._pool) < wanted:
+            self._progress.say(f"waiting for evaluators: {len(self._pool)} of {wanted} are here")
+        self._waiter.until(self._enough)
 
     def _wait_while_paused(self) -> None:
         if self._control.paused.is_set():
@@ -156,7 +162,6 @@ class Run:
 
     def _report(self, metrics: Metrics) -> None:
         msg = self._progress.msg
-        msg.evaluators = len(self._pool)
         msg.restarts = self._team.children.restarts
         msg.reevaluations = self._critics.reevaluations
         self._progress.generation(metrics)

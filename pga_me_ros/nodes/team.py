@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import socket
+import time
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,9 @@ from pga_me_ros.core.errors import PgaError
 from pga_me_ros.core.run_directory import RunDirectory
 from pga_me_ros.nodes.children import Children
 from pga_me_ros.nodes.evaluator_pool import EvaluatorPool
+
+LISTEN = 1.5
+"""Seconds in which a node that has the name of one of ours is heard; it gives a sign of life every second."""
 
 SINGLETONS = ("archive_manager", "critic_trainer", "variation")
 """Nodes of which a run has one each; their kind is their name."""
@@ -44,6 +48,7 @@ class Team:
         self._parameters.mkdir(exist_ok=True)
         self._alive: set[tuple[str, int]] = set()
         self._foreign = ""
+        self._since = time.monotonic()
         self.arrivals = 0
 
     def start_archive(self, *, grow: bool) -> None:
@@ -84,7 +89,7 @@ class Team:
             self._foreign = f"{msg.node} (process {msg.pid} on {msg.host})"
 
     def ready(self) -> bool:
-        """Whether every child has said that it is up.
+        """Whether every child has said that it is up, and nobody else has the names of ours.
 
         Raises:
             PgaError: Somebody else's node has the name of one of ours.
@@ -95,7 +100,10 @@ class Team:
                 "run a namespace (--ros-args -r __ns:=/NAME) or another ROS_DOMAIN_ID."
             )
         children = self.children
-        return all((name, children.pid(name)) in self._alive for name in children.names())
+        listened = time.monotonic() - self._since >= LISTEN
+        return listened and all(
+            (name, children.pid(name)) in self._alive for name in children.names()
+        )
 
     def tick(self) -> None:
         """Restart what has died.

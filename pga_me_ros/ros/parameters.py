@@ -23,7 +23,7 @@ ROS_OWN = ("use_sim_time", "start_type_description_service")
 """Parameters that rclpy declares by itself."""
 
 
-def declare(node: Node, *kinds: type) -> dict[str, Any]:
+def declare(node: Node, *kinds: type, shared: tuple[type, ...] = ()) -> dict[str, Any]:
     """Declare the fields of settings dataclasses as parameters and return their values.
 
     The node must have been made with ``automatically_declare_parameters_from_overrides=True``, so that every value
@@ -31,7 +31,8 @@ def declare(node: Node, *kinds: type) -> dict[str, Any]:
 
     Args:
         node: Node to declare on.
-        kinds: Dataclasses whose fields were made by `pga_me_ros.core.settings.setting`.
+        kinds: Dataclasses whose fields were made by `pga_me_ros.core.setting_field.setting`.
+        shared: Dataclasses with parameters of other nodes: passed over, so that one YAML file serves all.
 
     Returns:
         Checked values by name.
@@ -41,11 +42,12 @@ def declare(node: Node, *kinds: type) -> dict[str, Any]:
     """
     given = {n: p.value for n, p in node.get_parameters_by_prefix("").items() if not _own(n)}
     known = {f.name: f for kind in kinds for f in fields(kind)}
+    others = {f.name for kind in shared for f in fields(kind)}
     for name in given:
-        if name not in known:
+        if name not in known and name not in others:
             raise SettingsError(
-                f"Unknown parameter '{name}'{nearest_name(name, known)}; "
-                f"node '{node.get_name()}' has: {', '.join(known)}."
+                f"Unknown parameter '{name}'{nearest_name(name, known)}; --help lists those of "
+                f"'{node.get_name()}', docs/parameters.md all."
             )
         node.undeclare_parameter(name)
     values = {}

@@ -45,6 +45,22 @@ def task_spec(name: str) -> TaskSpec:
     return load_task(name).spec
 
 
+def make_task(name: str) -> Task:
+    """Return a task that is ready for episodes; its simulator is started.
+
+    Raises:
+        TaskError: As in `load_task`, or its class raises when it is called without arguments.
+    """
+    task_class = load_task(name)
+    try:
+        return task_class()
+    except Exception as error:  # a user's class may raise anything
+        raise TaskError(
+            f"task '{name}' does not start ({type(error).__name__}: {error}); its class is called "
+            "without arguments and must return a task that is ready for reset()"
+        ) from error
+
+
 def _load_class(name: str, module_path: str, class_name: str) -> type[Any]:
     try:
         module = importlib.import_module(module_path)
