@@ -33,7 +33,7 @@ lint: setup ## Run only the checks of style and types
 	@$(IN_VENV) exec python -m pytest -q test/packaging/test_lint.py
 
 bench: setup ## Run the benchmarks
-	@$(IN_VENV) for bench in bench/*.py; do echo "== $$bench"; python "$$bench" $(ARGS) || exit 1; done
+	@$(IN_VENV) for bench in bench/[a-z]*.py; do echo "== $$bench"; python "$$bench" $(ARGS) || exit 1; done
 
 clean: ## Remove what set-up, builds and tools left, but no run directory
 	rm -rf .venv build install log dist *.egg-info .hypothesis .mypy_cache .pytest_cache .ruff_cache

@@ -14,18 +14,18 @@ import argparse
 import json
 import os
 import signal
-import sqlite3
 import statistics
 import subprocess
 import sys
 import tempfile
 import time
 from dataclasses import dataclass
-from datetime import datetime
 from itertools import pairwise
 from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+from _run_times import committed
 
 from pga_me_ros.core.search import Search
 from pga_me_ros.core.settings import Settings
@@ -117,16 +117,6 @@ def run_graph(part: Part, seed: int) -> Measured:
         times = committed(file)
     seconds = [b - a for a, b in pairwise(times)][part.skipped - 1 :]
     return Measured(seconds, {k: after[k] - before.get(k, 0.0) for k in after}, digest)
-
-
-def committed(file: Path) -> list[float]:
-    """Return when each generation was committed, seconds."""
-    try:
-        with sqlite3.connect(f"file:{file}?mode=ro", uri=True) as connection:
-            rows = connection.execute("SELECT committed FROM generations ORDER BY generation")
-            return [datetime.fromisoformat(text).timestamp() for (text,) in rows]
-    except sqlite3.OperationalError:
-        return []
 
 
 def wait_for_generation(process: subprocess.Popen[bytes], file: Path, generation: int) -> None:
