@@ -1,0 +1,47 @@
+"""What a run must end with: the same algorithm in this process, without a node."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from graph import TINY
+
+from pga_me_ros.core.search import Search
+from pga_me_ros.core.settings import Settings
+from pga_me_ros.core.storage import Repertoire
+from pga_me_ros.tasks.registry import load_task
+
+NOT_SETTINGS = ("evaluators", "serve", "run_dir")
+"""Parameters of the orchestrator that decide nothing about the result."""
+
+
+def search_digest(**parameters: Any) -> str:
+    """Return the digest of the archive that `core.search` ends with; `parameters` are added to `TINY`."""
+    merged = {**TINY, **parameters}
+    values = {
+        name: tuple(value) if isinstance(value, list) else value
+        for name, value in merged.items()
+        if name not in NOT_SETTINGS
+    }
+    return _searched(tuple(sorted(values.items())))
+
+
+@cache
+def _searched(values: tuple[tuple[str, Any], ...]) -> str:
+    settings = Settings.from_mapping(dict(values))
+    task = load_task(settings.task)()
+    search = Search(task.spec, settings)
+    try:
+        while search.generation < settings.generations:
+            search.run_generation(task)
+    finally:
+        task.close()
+    return search.archive.digest()
+
+
+def run_digest(run_dir: Path) -> str:
+    """Return the digest of what a run has committed."""
+    with Repertoire.open(run_dir / "repertoire.db", read_only=True) as repertoire:
+        return repertoire.result_digest()

@@ -1,0 +1,57 @@
+"""One repertoire, bit for bit, however the work was spread."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from graph import Graph
+from reference import run_digest, search_digest
+
+WALKER: dict[str, Any] = {"task": "qd_walker", "evaluations": 50}
+ANT: dict[str, Any] = {
+    "task": "qd_ant",
+    "evaluations": 15,
+    "batch_size": 5,
+    "random_init": 5,
+    "n_evo": 2,
+}
+
+VARIANTS: dict[str, dict[str, Any]] = {
+    "alternating": {"schedule": "alternating", "pg_batches": "own", "n_evo": 0, "archive": "grid"},
+    "as coded": {
+        "critic_start": "last_init_batch",
+        "greedy_init": "best",
+        "greedy_takes": "ga",
+        "random_init": 20,
+        "line_noise": "tensor",
+    },
+    "MAP-Elites": {"n_evo": 10},
+}
+
+
+@pytest.mark.parametrize("evaluators", [1, 3])
+@pytest.mark.parametrize("parameters", [WALKER, ANT], ids=["qd_walker", "qd_ant"])
+def test_graph_and_search_give_the_same_repertoire(
+    graph: Graph, tmp_path: Path, parameters: dict[str, Any], evaluators: int
+) -> None:
+    run = graph.run(tmp_path / "run", **parameters, evaluators=evaluators)
+    assert run.wait() == 0, run.output
+    assert run_digest(tmp_path / "run") == search_digest(**parameters)
+
+
+@pytest.mark.parametrize("variant", VARIANTS.values(), ids=VARIANTS.keys())
+def test_graph_and_search_agree_on_every_variant(
+    graph: Graph, tmp_path: Path, variant: dict[str, Any]
+) -> None:
+    parameters = {"evaluations": 40, **variant}
+    run = graph.run(tmp_path / "run", **parameters, evaluators=2)
+    assert run.wait() == 0, run.output
+    assert run_digest(tmp_path / "run") == search_digest(**parameters)
+
+
+@pytest.mark.parametrize("change", [{"seed": 1}, *VARIANTS.values()], ids=str)
+def test_another_seed_or_variant_gives_another_repertoire(change: dict[str, Any]) -> None:
+    parameters = {"evaluations": 40, "random_init": change.get("random_init", 10)}
+    assert search_digest(**parameters) != search_digest(**{**parameters, **change})
