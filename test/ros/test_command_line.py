@@ -1,0 +1,89 @@
+"""Command lines, without starting ROS 2."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from pga_me_ros.core.errors import SettingsError
+from pga_me_ros.core.settings import Settings
+from pga_me_ros.nodes.options import RunOptions
+from pga_me_ros.ros.command_line import Program, check, node_name, start
+from pga_me_ros.ros.parameter_help import parameter_list, parameter_table
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "scripts"))
+from parameter_docs import page
+
+PROGRAM = Program("orchestrator", "Leads.", (Settings, RunOptions))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ("--hlep", r"'--hlep' \(did you mean '--help'\?\); parameters come after --ros-args"),
+        ("-p task:=qd_ant", "Unknown argument '-p'; .*orchestrator --ros-args -p NAME:=VALUE"),
+        ("task:=qd_ant", "Unknown argument 'task:=qd_ant'"),
+        ("--rosargs -p task:=qd_ant", r"did you mean '--ros-args'\?"),
+        ("--ros-args -p task:=qd_ant -- qd_walker", "Unknown argument 'qd_walker'"),
+    ],
+)
+def test_what_is_no_ros_argument_is_refused(arguments: str, words: str) -> None:
+    with pytest.raises(SettingsError, match=words):
+        check(PROGRAM, arguments.split())
+
+
+@pytest.mark.parametrize("arguments", ["", "--ros-args", "--ros-args -p task:=qd_ant -r a:=b --"])
+def test_ros_arguments_pass(arguments: str) -> None:
+    check(PROGRAM, arguments.split())
+
+
+@pytest.mark.parametrize(
+    ("arguments", "name"),
+    [
+        ("", "/orchestrator"),
+        ("--ros-args -r __ns:=/a/b", "/a/b/orchestrator"),
+        ("--ros-args --remap __node:=boss -r __ns:=/", "/boss"),
+        ("--ros-args -r orchestrator:__name:=boss", "/boss"),
+    ],
+)
+def test_a_node_has_the_name_it_is_remapped_to(arguments: str, name: str) -> None:
+    assert node_name(PROGRAM, arguments.split()) == name
+
+
+def test_a_params_file_for_other_nodes_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "p.yaml"
+    path.write_text("/a/orchestrator: {ros__parameters: {seed: 1}}\n")
+    check(PROGRAM, ["--ros-args", "--params-file", str(path), "-r", "__ns:=/a"])
+    with pytest.raises(SettingsError, match="nothing for node '/orchestrator', only for /a/orch"):
+        check(PROGRAM, ["--ros-args", "--params-file", str(path)])
+
+
+@pytest.mark.parametrize("arguments", ["-h", "--help", "--nonsense --help"])
+def test_help_is_printed_without_starting_ros(
+    arguments: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert not start(PROGRAM, arguments.split())
+    assert capsys.readouterr().out == PROGRAM.help()
+
+
+def test_help_tells_everything_about_a_parameter() -> None:
+    assert (
+        "  n_evo* = 50 offspring; 0 to 100000; paper: n_evo\n"
+        "      Offspring per generation by genetic variation; batch_size makes it standard MAP-Elites, 0\n"
+        "      PG only.\n"
+    ) in parameter_list(Settings)
+
+
+def test_a_table_tells_everything_about_a_parameter() -> None:
+    assert (
+        "| `archive` | `cvt` | cvt or grid | | | | Cells: 'cvt' is a centroidal Voronoi "
+        "tessellation (as coded by the authors), 'grid' has equal bins per dimension (as the paper "
+        "words it). |\n"
+    ) in parameter_table(Settings)
+
+
+def test_the_page_of_parameters_is_up_to_date() -> None:
+    path = Path(__file__).resolve().parents[2] / "docs" / "parameters.md"
+    assert path.read_text() == page(), "python scripts/parameter_docs.py > docs/parameters.md"

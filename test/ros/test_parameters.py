@@ -1,0 +1,163 @@
+"""Parameters of a real node, given as on a command line."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import pytest
+import rclpy
+from domain_coordinator import domain_id
+from rclpy.context import Context
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from pga_me_ros.core.errors import SettingsError
+from pga_me_ros.core.setting_field import setting
+from pga_me_ros.core.settings import RATES, Settings
+from pga_me_ros.nodes.options import RunOptions
+from pga_me_ros.ros.parameters import declare, declare_run, descriptor, on_change
+
+ROOT = Path(__file__).resolve().parents[2]
+
+MakeNode = Callable[..., Node]
+
+
+@dataclass(frozen=True)
+class Speed:
+    speed: float = setting(1.0, "How fast.", low=0.0, high=2.0, unit="m/s", rate=True)
+    gears: int = setting(5, "How many.", low=1, high=9)
+
+
+@pytest.fixture
+def make_node(monkeypatch: pytest.MonkeyPatch) -> Iterator[MakeNode]:
+    """Make nodes with command-line arguments, in a domain of their own."""
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    made: list[tuple[Node, Context]] = []
+
+    def make(*arguments: str, name: str = "orchestrator") -> Node:
+        context = Context()
+        rclpy.init(args=["node", *arguments], context=context, domain_id=domain)
+        node = Node(name, context=context, automatically_declare_parameters_from_overrides=True)
+        made.append((node, context))
+        return node
+
+    with domain_id() as domain:
+        yield make
+        for node, context in made:
+            node.destroy_node()
+            context.shutdown()
+
+
+def ros(*parameters: str) -> list[str]:
+    return ["--ros-args"] + [word for p in parameters for word in ("-p", p)]
+
+
+def test_without_arguments_a_run_has_the_defaults(make_node: MakeNode) -> None:
+    settings, options = declare_run(make_node(), RunOptions)
+    assert (settings, RunOptions(**options)) == (Settings(), RunOptions())
+
+
+@pytest.mark.parametrize("task", ["qd_walker", "qd_half_cheetah", "qd_ant", "qd_hopper"])
+def test_a_value_given_after_a_shipped_file_counts(make_node: MakeNode, task: str) -> None:
+    file = ["--params-file", str(ROOT / "config" / f"{task}.yaml")]
+    settings, _ = declare_run(make_node("--ros-args", *file, "-p", "n_evo:=7"), RunOptions)
+    assert (settings.task, settings.n_evo) == (task, 7)
+
+
+@pytest.mark.parametrize(
+    ("given", "name", "value"),
+    [
+        ("iso_sigma:=1", "iso_sigma", 1.0),
+        ("evaluations:=1e6", "evaluations", 1_000_000),
+        ("controller_hidden:=[8, 9]", "controller_hidden", (8, 9)),
+    ],
+)
+def test_numbers_may_be_written_as_people_write_them(
+    make_node: MakeNode, given: str, name: str, value: Any
+) -> None:
+    settings, _ = declare_run(make_node(*ros(given)), RunOptions)
+    assert getattr(settings, name) == value
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ("evaluatons:=5", r"'evaluatons' \(did you mean 'evaluations'\?\); --help lists those"),
+        ("evaluations:=abc", "evaluations must be an integer, not 'abc'"),
+        ("evaluations:=0", "evaluations is 0; expected"),
+        ("run_dir:=2026", "run_dir must be a string, not 2026"),
+        ("serve:=1", r"serve must be true or false, not 1 \(int\)"),
+        ("n_evo:=101", "n_evo is 101, but a batch has batch_size=100"),
+    ],
+)
+def test_a_bad_parameter_is_refused(make_node: MakeNode, given: str, words: str) -> None:
+    node = make_node(*ros(given))
+    with pytest.raises(SettingsError, match=words):
+        declare_run(node, RunOptions)
+
+
+def test_parameters_of_other_nodes_are_passed_over(make_node: MakeNode) -> None:
+    node = make_node(*ros("speed:=0.5", "n_evo:=3"))
+    assert declare(node, Speed, shared=(Settings,)) == {"speed": 0.5, "gears": 5}
+    assert not node.has_parameter("n_evo")
+
+
+def test_a_name_that_no_node_knows_is_refused_all_the_same(make_node: MakeNode) -> None:
+    node = make_node(*ros("sped:=0.5"))
+    with pytest.raises(SettingsError, match="did you mean 'speed'"):
+        declare(node, Speed, shared=(Settings,))
+
+
+def test_every_parameter_tells_what_it_is(make_node: MakeNode) -> None:
+    node = make_node()
+    declare_run(node, RunOptions)
+    for kind in (Settings, RunOptions):
+        for f in fields(kind):
+            told = node.describe_parameter(f.name)
+            assert told.description.startswith(f.metadata["description"]), f.name
+            assert told.read_only == (f.name not in RATES), f.name
+
+
+def test_a_descriptor_has_range_unit_and_symbol() -> None:
+    told = descriptor(Settings.__dataclass_fields__["n_crit"])
+    assert told.description.endswith(" Symbol: n_crit. Unit: steps.")
+    assert (told.integer_range[0].from_value, told.integer_range[0].to_value) == (1, 1_000_000)
+
+
+def test_a_descriptor_lists_the_choices() -> None:
+    told = descriptor(Settings.__dataclass_fields__["archive"])
+    assert told.additional_constraints == "one of: cvt, grid"
+
+
+def test_a_change_is_checked_and_handed_on(make_node: MakeNode) -> None:
+    node = make_node()
+    declare(node, Speed)
+    handed: list[dict[str, Any]] = []
+    on_change(node, lambda changes: None, handed.append)
+    node.set_parameters([Parameter("speed", value=0.25)])
+    assert handed == [{"speed": 0.25}]
+
+
+def test_a_refused_change_tells_why_and_is_not_handed_on(make_node: MakeNode) -> None:
+    def refuse(changes: dict[str, Any]) -> None:
+        raise SettingsError("too fast for today")
+
+    node = make_node()
+    declare(node, Speed)
+    handed: list[dict[str, Any]] = []
+    on_change(node, refuse, handed.append)
+    (result,) = node.set_parameters([Parameter("speed", value=0.25)])
+    assert (result.successful, result.reason, handed) == (False, "too fast for today", [])
+
+
+@pytest.mark.parametrize(("name", "value"), [("gears", 6), ("speed", 3.0), ("speed", "fast")])
+def test_rclpy_refuses_what_the_descriptor_forbids(
+    make_node: MakeNode, name: str, value: Any
+) -> None:
+    node = make_node()
+    declare(node, Speed)
+    (result,) = node.set_parameters([Parameter(name, value=value)])
+    assert (result.successful, node.get_parameter(name).value) == (False, getattr(Speed(), name))

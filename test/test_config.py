@@ -1,0 +1,76 @@
+"""Shipped configurations: what the nodes make of them is Table 1, in any namespace."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import fields
+from pathlib import Path
+
+import pytest
+import rclpy
+import yaml
+from domain_coordinator import domain_id
+from rclpy.context import Context
+from rclpy.node import Node
+
+from pga_me_ros.core.settings import Settings
+from pga_me_ros.nodes.evaluator import EvaluatorSettings
+from pga_me_ros.nodes.options import RunOptions
+from pga_me_ros.ros.parameters import declare, declare_run
+from pga_me_ros.tasks.registry import BUILT_IN, task_spec
+
+CONFIG = Path(__file__).resolve().parents[1] / "config"
+
+
+def path_of(task: str) -> Path:
+    return CONFIG / f"{task}.yaml"
+
+
+@pytest.fixture
+def context(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[Context]:
+    """A context whose command line names a configuration and a namespace."""
+    task, namespace = request.param
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    arguments = ["--params-file", str(path_of(task)), "-r", f"__ns:={namespace}"]
+    context = Context()
+    with domain_id() as domain:
+        rclpy.init(args=["node", "--ros-args", *arguments], context=context, domain_id=domain)
+        yield context
+        context.shutdown()
+
+
+def in_namespaces(*namespaces: str) -> pytest.MarkDecorator:
+    cases = [(task, namespace) for task in BUILT_IN for namespace in namespaces]
+    return pytest.mark.parametrize("context", cases, indirect=True, ids=lambda c: c[0] + c[1])
+
+
+def test_every_built_in_task_has_one() -> None:
+    assert sorted(path.stem for path in CONFIG.glob("*.yaml")) == sorted(BUILT_IN)
+
+
+@in_namespaces("/", "/lab/two")
+def test_the_orchestrator_takes_the_paper_from_it(context: Context) -> None:
+    node = Node(
+        "orchestrator", context=context, automatically_declare_parameters_from_overrides=True
+    )
+    settings, options = declare_run(node, RunOptions)
+    node.destroy_node()
+    spec = task_spec(settings.task)
+    assert settings == Settings(task=spec.name, cells=spec.archive_cells)
+    assert RunOptions(**options) == RunOptions()
+
+
+@in_namespaces("/")
+def test_an_evaluator_takes_its_task_from_it(context: Context) -> None:
+    node = Node(
+        "evaluator_x_1", context=context, automatically_declare_parameters_from_overrides=True
+    )
+    values = declare(node, EvaluatorSettings, shared=(Settings, RunOptions))
+    node.destroy_node()
+    assert values["task"] in BUILT_IN
+
+
+@pytest.mark.parametrize("task", BUILT_IN)
+def test_it_names_its_task_and_every_setting(task: str) -> None:
+    content = yaml.safe_load(path_of(task).read_text())["/**"]["ros__parameters"]
+    assert (content["task"], list(content)) == (task, [f.name for f in fields(Settings)])
