@@ -13,7 +13,6 @@ from pga_me_ros.core.archive import Archive
 from pga_me_ros.core.elites import Elite
 from pga_me_ros.core.errors import PgaError, RequestError
 from pga_me_ros.core.policy import MlpShape
-from pga_me_ros.core.rng import Purpose, generator
 from pga_me_ros.core.run_info import RunInfo
 from pga_me_ros.ros import names
 from pga_me_ros.ros.convert import behavior_to_msg, controller_to_msg, flat
@@ -49,7 +48,8 @@ class RepertoireServices:
         self._spec = TaskSpec.from_json(info.task)
         self._shape = MlpShape(tuple(info.layer_sizes))
         self.metrics = MetricsMsg()
-        self._random_asked = 0
+        # What a robot tries next is no part of the run, so it need not be repeatable.
+        self._any = np.random.default_rng()
         node.serve(GetBehavior, names.GET_BEHAVIOR, self._get_behavior, ok_field="found")
         node.serve(ListBehaviors, names.LIST_BEHAVIORS, self._list, ok_field="ok")
         node.create_service(GetInfo, names.GET_INFO, self._get_info)
@@ -84,7 +84,7 @@ class RepertoireServices:
             self._at_least(least)
             return self.archive.best(), 0.0
         if request.select == GetBehavior.Request.RANDOM:
-            return self.archive.elite(int(self._draw().choice(self._at_least(least)))), 0.0
+            return self.archive.elite(int(self._any.choice(self._at_least(least)))), 0.0
         raise RequestError(
             f"select is {request.select}; expected 0 (descriptor), 1 (cell), 2 (best) or 3 (random)."
         )
@@ -99,14 +99,6 @@ class RepertoireServices:
                 f"{least:.1f} that is required."
             )
         return elite
-
-    def _draw(self) -> np.random.Generator:
-        """Return the generator of the next random choice; a node that starts again draws the same."""
-        self._random_asked += 1
-        seed = int(self._info.settings["seed"])
-        return generator(
-            seed, Purpose.GET_BEHAVIOR, self.metrics.generation + 1, self._random_asked
-        )
 
     def _nearest(self, request: GetBehavior.Request, least: float) -> tuple[Elite, float]:
         farthest = request.max_distance if request.max_distance >= 0.0 else math.inf
