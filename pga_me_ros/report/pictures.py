@@ -37,7 +37,9 @@ def draw_archive(run: StoredRun, folder: Path) -> list[Path]:
     Returns:
         The files.
     """
-    figure = Figure(figsize=(6.4, 3.2 if run.archive.dimensions == 1 else 5.4), layout="constrained")
+    figure = Figure(
+        figsize=(6.4, 3.2 if run.archive.dimensions == 1 else 5.4), layout="constrained"
+    )
     axes = figure.add_subplot()
     low, high = run.archive.low, run.archive.high
     extent = (low[0], high[0], *((low[1], high[1]) if len(low) > 1 else (0.0, 1.0)))
