@@ -7,14 +7,13 @@ import signal
 import sys
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
 
 import rclpy
 from pga_me_msgs.msg import Progress
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
-from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from pga_me_ros.core.errors import PgaError
@@ -38,23 +37,35 @@ HEARTBEAT = 1.0
 
 
 class Signals:
-    """Ctrl-C and SIGTERM: the first asks the run to stop, the second ends everything at once.
+    """Ctrl-C and SIGTERM: the first asks the run to stop, the second ends everything at once, more change nothing.
 
     Args:
         control: The orchestrator's node.
+
+    Attributes:
+        received: Number of the first signal, 0 for none.
+        impatient: Whether there was a second one.
     """
 
     def __init__(self, control: Control) -> None:
         self._control = control
         self.received: int = 0
+        self.impatient = False
         signal.signal(signal.SIGINT, self._handle)
         signal.signal(signal.SIGTERM, self._handle)
 
     def _handle(self, number: int, _: FrameType | None) -> None:
         if self.received:
+            self.impatient = True
+            self.ignore()
             raise SecondSignal
         self.received = number
         self._control.stop_requested.set()
+
+    def ignore(self) -> None:
+        """Let no further signal interrupt what is left to do, which is little."""
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)
 
     @property
     def exit_code(self) -> int:
@@ -103,14 +114,24 @@ def lead(control: Control, signals: Signals) -> int:
     finally:
         timer.cancel()
         control.terminal.close()
-        end(run, directory)
+        end(run, directory, at_once=signals.impatient)
     return 0
 
 
-def end(run: Run, directory: RunDirectory) -> None:
+def lead_until_told(control: Control, signals: Signals) -> int:
+    """Carry out the run, or as much of it as signals leave time for, and return the exit code."""
+    try:
+        return lead(control, signals)
+    except (StoppedError, SecondSignal):
+        return signals.exit_code
+    finally:
+        signals.ignore()
+
+
+def end(run: Run, directory: RunDirectory, *, at_once: bool) -> None:
     """Stop all children; a second Ctrl-C kills them."""
     try:
-        run.end()
+        run.end(at_once=at_once)
     except SecondSignal:
         run.end(at_once=True)
     directory.lock.release()
@@ -173,19 +194,25 @@ def stop_if_asked(control: Control) -> None:
 
 
 @contextmanager
-def spinning(node: Node) -> Iterator[None]:
-    """Serve a node's callbacks in another thread."""
+def spinning(control: Control) -> Iterator[list[int]]:
+    """Serve a node's callbacks in another thread; a fault in one stops the run and gives an exit code."""
     executor = SingleThreadedExecutor()
-    executor.add_node(node)
+    executor.add_node(control)
+    faults: list[int] = []
 
     def spin() -> None:
-        with suppress(ExternalShutdownException):
+        try:
             executor.spin()
+        except ExternalShutdownException:
+            return
+        except Exception as error:  # without this thread, nothing would ever be answered
+            faults.append(report(error))
+            control.stop_requested.set()
 
     thread = threading.Thread(target=spin, name="executor")
     thread.start()
     try:
-        yield
+        yield faults
     finally:
         executor.shutdown()
         thread.join()
@@ -206,10 +233,11 @@ def main() -> int:
             return 0
         control = Control()
         signals = Signals(control)
-        with spinning(control):
-            return lead(control, signals)
-    except (StoppedError, KeyboardInterrupt, SecondSignal):
-        return 130
+        with spinning(control) as faults:
+            code = lead_until_told(control, signals)
+        return faults[0] if faults else code
+    except KeyboardInterrupt:
+        return 128 + signal.SIGINT
     except BrokenPipeError:  # whoever read our output has left, as `| head` does
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 128 + signal.SIGPIPE
