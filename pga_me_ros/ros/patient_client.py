@@ -39,22 +39,23 @@ class PendingCall:
     """One call under way.
 
     Args:
+        node: Node that calls.
         client: Client of the service.
         request: The request.
         read: Turns the response into the result, or raises.
         timeout: Seconds until the call fails.
-        executor: Executor that is to run the future's callbacks, if there is one.
     """
 
     def __init__(
         self,
+        node: Node,
         client: Client,
         request: Any,
         read: Callable[[Any], Any],
         timeout: float,
-        executor: Executor | None,
     ) -> None:
-        self.future = Future(executor=executor)
+        self.future = Future(executor=node.executor)
+        self._name = node.resolve_service_name(client.srv_name)
         self.ended = threading.Event()
         self.deadline = time.monotonic() + timeout
         self._client = client
@@ -103,7 +104,7 @@ class PendingCall:
             settle()
 
     def _reason(self) -> str:
-        name = self._client.srv_name
+        name = self._name
         if self._answer is None:
             return (
                 f"Service {name} was not there within {self._timeout:g} s; start the orchestrator or an "
@@ -139,11 +140,14 @@ class PatientCaller:
         self, client: Client, request: Any, read: Callable[[Any], Result], timeout: float
     ) -> PendingCall:
         """Start a call; its future ends while the node is spun."""
-        call = PendingCall(client, request, read, timeout, self._node.executor)
+        call = PendingCall(self._node, client, request, read, timeout)
         if not call.advance():
             with self._lock:
                 self._pending.append(call)
             self._timer.reset()
+            executor = self._executor()
+            if executor is not None:  # it may wait for something else without looking at the timer
+                executor.wake()
         return call
 
     def result(self, call: PendingCall) -> Any:

@@ -1,0 +1,342 @@
+"""The client that robots import: what it asks, how it waits, how it fails."""
+
+from __future__ import annotations
+
+import signal
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import rclpy
+from domain_coordinator import domain_id
+from graph import Graph, wait_until
+from rclpy.context import Context
+from rclpy.executors import Executor, MultiThreadedExecutor, SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.task import Future
+from std_msgs.msg import Float32MultiArray
+from stored import Served, served
+
+from pga_me_ros.client import (
+    Behavior,
+    BehaviorNotFoundError,
+    BlockedExecutorError,
+    RepertoireClient,
+    RepertoireTimeoutError,
+)
+from pga_me_ros.core.errors import RequestError
+
+SHORT = 0.3
+"""Seconds; enough to see that nobody answers."""
+
+
+@pytest.fixture(scope="module")
+def repertoire(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
+    with served(tmp_path_factory.mktemp("served")) as repertoire:
+        yield repertoire
+
+
+@contextmanager
+def context_in(domain: int) -> Iterator[Context]:
+    """Join a domain; nodes of one context find at once whom another of its nodes has found."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+        context = Context()
+        rclpy.init(context=context, domain_id=domain)
+    yield context
+    context.shutdown()
+
+
+@pytest.fixture(scope="module")
+def context(repertoire: Served) -> Iterator[Context]:
+    with context_in(repertoire.graph.domain) as context:
+        yield context
+
+
+@pytest.fixture(scope="module")
+def nobody() -> Iterator[Context]:
+    """A ROS domain in which nobody serves anything."""
+    with domain_id() as domain, context_in(domain) as context:
+        yield context
+
+
+@dataclass
+class Robots:
+    """Nodes that use clients."""
+
+    nodes: list[Node] = field(default_factory=list)
+    spinners: list[tuple[Executor, threading.Thread]] = field(default_factory=list)
+
+    def node(self, context: Context) -> Node:
+        self.nodes.append(rclpy.create_node("robot", context=context))
+        return self.nodes[-1]
+
+    def spin(self, node: Node, executor: Executor | None = None) -> None:
+        executor = executor or SingleThreadedExecutor(context=node.context)
+        executor.add_node(node)
+        thread = threading.Thread(target=executor.spin)
+        thread.start()
+        self.spinners.append((executor, thread))
+
+    def close(self) -> None:
+        for executor, thread in self.spinners:
+            executor.shutdown()
+            thread.join()
+        for node in self.nodes:
+            node.destroy_node()
+
+
+@pytest.fixture
+def robots() -> Iterator[Robots]:
+    robots = Robots()
+    yield robots
+    robots.close()
+
+
+@pytest.fixture
+def client(context: Context, robots: Robots) -> RepertoireClient:
+    """A client whose node nobody spins."""
+    return RepertoireClient(robots.node(context))
+
+
+def once_in_callback(node: Node, act: Callable[[], Any]) -> None:
+    """Have a function called once by the node's executor."""
+
+    def callback() -> Any:
+        timer.cancel()
+        return act()
+
+    timer = node.create_timer(0.01, callback)
+
+
+def outcome(future: Future) -> Any:
+    wait_until(future.done, "the future")
+    return future.result()
+
+
+def test_a_main_program_asks_through_a_node_that_nobody_spins(
+    repertoire: Served, client: RepertoireClient
+) -> None:
+    behavior = client.get_behavior(best=True)
+    elite = repertoire.archive.best()
+    assert (behavior.cell, behavior.fitness, behavior.distance) == (elite.cell, elite.fitness, 0.0)
+    assert np.array_equal(behavior.controller.parameters, elite.parameters)
+
+
+def test_a_thread_asks_while_another_spins(
+    repertoire: Served, robots: Robots, context: Context
+) -> None:
+    node = robots.node(context)
+    robots.spin(node)
+    behavior = RepertoireClient(node).get_behavior(descriptor=[0.9, 0.1])
+    assert behavior.cell == repertoire.archive.nearest([0.9, 0.1], 1)[0][0]
+
+
+def test_threads_ask_at_once_through_a_node_that_nobody_spins(client: RepertoireClient) -> None:
+    found: list[Behavior] = []
+    threads = [
+        threading.Thread(target=lambda: found.append(client.get_behavior(best=True)))
+        for _ in range(4)
+    ]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert len(found) == 4
+
+
+def test_another_executor_may_take_the_node_over_afterwards(
+    client: RepertoireClient, robots: Robots, context: Context
+) -> None:
+    client.get_behavior(best=True)
+    robots.spin(client._node)
+    assert outcome(client.get_behavior_async(best=True)).fitness > 0.0
+
+
+def test_rclpy_spin_once_leaves_nothing_in_the_way(client: RepertoireClient) -> None:
+    executor = SingleThreadedExecutor(context=client._node.context)
+    rclpy.spin_once(client._node, executor=executor, timeout_sec=0.0)
+    assert client.get_behavior(best=True).fitness > 0.0
+
+
+def test_a_callback_asks_with_a_done_callback(
+    repertoire: Served, robots: Robots, context: Context
+) -> None:
+    node = robots.node(context)
+    client = RepertoireClient(node)
+    answers: list[Future] = []
+    once_in_callback(
+        node, lambda: client.get_behavior_async(best=True).add_done_callback(answers.append)
+    )
+    robots.spin(node)
+    wait_until(lambda: bool(answers), "the done callback")
+    assert answers[0].result().cell == repertoire.archive.best().cell
+
+
+def test_a_coroutine_awaits(repertoire: Served, robots: Robots, context: Context) -> None:
+    node = robots.node(context)
+    client = RepertoireClient(node)
+    executor = SingleThreadedExecutor(context=node.context)
+
+    async def ask() -> int:
+        return (await client.get_behavior_async(best=True)).cell
+
+    robots.spin(node, executor)
+    assert outcome(executor.create_task(ask)) == repertoire.archive.best().cell
+
+
+def test_blocking_in_a_callback_is_an_error_and_no_deadlock(
+    repertoire: Served, robots: Robots, context: Context
+) -> None:
+    node = robots.node(context)
+    client = RepertoireClient(node)
+    errors: list[str] = []
+
+    def ask() -> None:
+        with pytest.raises(BlockedExecutorError) as error:
+            client.get_behavior(best=True)
+        errors.append(str(error.value))
+
+    once_in_callback(node, ask)
+    robots.spin(node)
+    wait_until(lambda: bool(errors), "the error")
+    assert "ends in _async" in errors[0]
+
+
+def test_blocking_in_a_callback_of_several_threads_works(
+    repertoire: Served, robots: Robots, context: Context
+) -> None:
+    node = robots.node(context)
+    client = RepertoireClient(node)
+    found: list[Behavior] = []
+    once_in_callback(node, lambda: found.append(client.get_behavior(best=True)))
+    robots.spin(node, MultiThreadedExecutor(3, context=node.context))
+    wait_until(lambda: bool(found), "an answer")
+    assert found[0].cell == repertoire.archive.best().cell
+
+
+def test_no_service_is_told_with_its_name(nobody: Context, robots: Robots) -> None:
+    client = RepertoireClient(robots.node(nobody), timeout=SHORT)
+    words = r"Service /repertoire/get_behavior was not there within 0\.3 s"
+    with pytest.raises(RepertoireTimeoutError, match=words):
+        client.get_behavior(best=True)
+
+
+def test_no_service_ends_a_future_too(nobody: Context, robots: Robots) -> None:
+    node = robots.node(nobody)
+    robots.spin(node)
+    with pytest.raises(RepertoireTimeoutError, match="/repertoire/get_info was not there"):
+        outcome(RepertoireClient(node).get_info_async(timeout=SHORT))
+
+
+def test_a_service_that_comes_later_is_waited_for(
+    nobody: Context, robots: Robots, repertoire: Served, tmp_path: Path
+) -> None:
+    client = RepertoireClient(robots.node(nobody), prefix="/late", timeout=60.0)
+    graph = Graph(nobody.get_domain_id(), tmp_path)
+    graph.start("archive_manager", {"repertoire": repertoire.path}, "-r", "__ns:=/late")
+    try:
+        assert client.get_behavior(best=True).cell == repertoire.archive.best().cell
+    finally:
+        graph.kill()
+
+
+def test_a_service_that_hangs_is_told_apart(repertoire: Served, client: RepertoireClient) -> None:
+    client.get_info()
+    repertoire.manager.signal(signal.SIGSTOP)
+    try:
+        with pytest.raises(RepertoireTimeoutError, match=r"gave no answer within 0\.3 s"):
+            client.get_behavior(best=True, timeout=SHORT)
+    finally:
+        repertoire.manager.signal(signal.SIGCONT)
+    assert client.get_behavior(best=True).fitness > 0.0
+
+
+def test_an_executor_that_does_not_spin_is_told_apart(client: RepertoireClient) -> None:
+    executor = SingleThreadedExecutor(context=client._node.context)
+    executor.add_node(client._node)
+    with pytest.raises(RepertoireTimeoutError, match="executor of node 'robot' took no answer"):
+        client.get_behavior(best=True, timeout=SHORT)
+
+
+def test_what_is_not_found_comes_with_the_reason(client: RepertoireClient) -> None:
+    with pytest.raises(BehaviorNotFoundError, match=r"No behaviour has a fitness of 1000000\.0"):
+        client.get_behavior(descriptor=[0.5, 0.5], min_fitness=1e6)
+
+
+def test_a_descriptor_of_the_wrong_length_is_told(client: RepertoireClient) -> None:
+    with pytest.raises(BehaviorNotFoundError, match="has 3 entries; this repertoire's has 2"):
+        client.get_behavior(descriptor=[0.5, 0.5, 0.5])
+
+
+@pytest.mark.parametrize(
+    ("wanted", "words"),
+    [
+        ({}, "exactly one way.*given: none"),
+        ({"best": True, "cell": 3}, "given: cell, best"),
+        ({"descriptor": [0.5, float("nan")]}, "descriptor is or holds nan"),
+        ({"descriptor": ["left"]}, "descriptor is or holds 'left'"),
+        ({"best": True, "max_distance": 1.0}, "together with a descriptor"),
+        ({"descriptor": [0.5, 0.5], "max_distance": -1.0}, "max_distance is -1.0"),
+        ({"best": True, "min_fitness": float("nan")}, "min_fitness is or holds nan"),
+        ({"best": True, "timeout": 0.0}, "timeout is 0.0"),
+    ],
+)
+def test_arguments_that_make_no_sense_are_refused_at_once(
+    client: RepertoireClient, wanted: dict[str, Any], words: str
+) -> None:
+    with pytest.raises(RequestError, match=words):
+        client.get_behavior_async(**wanted)
+
+
+def test_all_are_listed_page_by_page(repertoire: Served, client: RepertoireClient) -> None:
+    archive = repertoire.archive
+    fittest_first = sorted(archive.filled_cells(), key=lambda cell: -archive.fitness[cell])
+    assert [b.cell for b in client.list_behaviors(page=5)] == fittest_first
+
+
+def test_a_page_that_is_too_long_is_refused(client: RepertoireClient) -> None:
+    with pytest.raises(RequestError, match="limit 10001; expected offset from 0 on"):
+        list(client.list_behaviors(page=10_001))
+
+
+def test_a_page_can_be_asked_for_in_a_callback(client: RepertoireClient, robots: Robots) -> None:
+    robots.spin(client._node)
+    total, page = outcome(client.list_behaviors_async(2, 3))
+    assert (total, len(page)) == (16, 3)
+
+
+def test_info_tells_what_the_descriptor_means(client: RepertoireClient) -> None:
+    info = client.get_info()
+    assert (info.task, info.settings["seed"], info.coverage, info.evaluations) == (
+        "qd_walker",
+        3,
+        16,
+        20,
+    )
+    assert len(info.descriptor_names) == len(info.descriptor_high) == 2
+
+
+def test_the_example_finds_a_gait_and_acts(
+    repertoire: Served, robots: Robots, context: Context
+) -> None:
+    example = Path(__file__).resolve().parents[2] / "examples" / "query_behavior.py"
+
+    robot = repertoire.graph.launch([sys.executable, str(example), "0.9", "0.1"])
+    robot.wait_for_output("descriptor")
+    heard = repertoire.probe.listen(Float32MultiArray, "actions", 1)
+    publisher = repertoire.probe.node.create_publisher(Float32MultiArray, "observations", 1)
+
+    def acted() -> bool:
+        publisher.publish(Float32MultiArray(data=[0.1] * 22))
+        return bool(heard)
+
+    wait_until(acted, "an action")
+    robot.signal(signal.SIGINT)
+    assert (robot.wait(), len(heard[0].data)) == (0, 6)
