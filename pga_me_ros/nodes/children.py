@@ -174,7 +174,7 @@ class Children:
         code = child.process.returncode
         if code == EXIT_BAD_INPUT:
             raise ChildError(
-                f"Node '{child.name}' cannot start: {child.last_words()} See {child.log_path}."
+                f"Node '{child.name}' cannot start: {child.last_words().rstrip('.')}. See {child.log_path}."
             )
         now = time.monotonic()
         child.deaths = [t for t in child.deaths if now - t < CRASH_WINDOW] + [now]

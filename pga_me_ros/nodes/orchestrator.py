@@ -26,11 +26,9 @@ from pga_me_ros.nodes.progress import ProgressReporter
 from pga_me_ros.nodes.run import Run
 from pga_me_ros.ros import names, qos
 from pga_me_ros.ros.command_line import Program, start
+from pga_me_ros.ros.namesakes import LISTEN, listening_time
 from pga_me_ros.ros.process import report
 from pga_me_ros.tasks.registry import task_spec
-
-NAME_CHECK = 1.0
-"""Seconds to listen for another orchestrator of the same name; a living one publishes once a second."""
 
 HEARTBEAT = 1.0
 """Seconds between two progress messages."""
@@ -175,7 +173,8 @@ def require_free_name(control: Control) -> None:
             waiter.wake()
 
     control.create_subscription(Progress, names.PROGRESS, take, qos.LATCHED)
-    if waiter.until(lambda: bool(heard), NAME_CHECK):
+    waiter.until(lambda: bool(heard), LISTEN)
+    if waiter.until(lambda: bool(heard), listening_time(control, control.get_name()) - LISTEN):
         raise PgaError(
             f"Another orchestrator runs as {control.get_fully_qualified_name()} (process "
             f"{heard[0].pid} on {heard[0].host}, task {heard[0].task}). Stop it, or give this one a "

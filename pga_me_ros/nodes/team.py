@@ -16,9 +16,7 @@ from pga_me_ros.core.errors import PgaError
 from pga_me_ros.core.run_directory import RunDirectory
 from pga_me_ros.nodes.children import Children
 from pga_me_ros.nodes.evaluator_pool import EvaluatorPool
-
-LISTEN = 1.5
-"""Seconds in which a node that has the name of one of ours is heard; it gives a sign of life every second."""
+from pga_me_ros.ros.namesakes import listening_time
 
 SINGLETONS = ("archive_manager", "critic_trainer", "variation")
 """Nodes of which a run has one each; their kind is their name."""
@@ -100,10 +98,9 @@ class Team:
                 "run a namespace (--ros-args -r __ns:=/NAME) or another ROS_DOMAIN_ID."
             )
         children = self.children
-        listened = time.monotonic() - self._since >= LISTEN
-        return listened and all(
-            (name, children.pid(name)) in self._alive for name in children.names()
-        )
+        if any((name, children.pid(name)) not in self._alive for name in children.names()):
+            return False
+        return time.monotonic() - self._since >= listening_time(self._node, *SINGLETONS)
 
     def tick(self) -> None:
         """Restart what has died.

@@ -35,7 +35,7 @@ TINY = {
     "evaluators": 1,
     "serve": False,
 }
-"""Parameters of a run that takes seconds and still has all parts: 1 generation of random controllers, 2 of variation."""
+"""Parameters of a run that takes seconds and has all parts: 1 generation of random controllers, 2 of variation."""
 
 
 def ros_arguments(parameters: Mapping[str, Any]) -> list[str]:

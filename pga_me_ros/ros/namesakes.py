@@ -1,0 +1,25 @@
+"""Other nodes of the same name: ROS 2 lets them be, and mixes them up."""
+
+from __future__ import annotations
+
+from rclpy.node import Node
+
+LISTEN = 1.0
+"""Seconds in which a living namesake is heard; all nodes of the graph give a sign of life every second."""
+
+LISTEN_ON = 5.0
+"""Seconds to listen when the graph has the name more than once: discovery is slow, or a namesake was killed lately."""
+
+
+def listening_time(node: Node, *names: str) -> float:
+    """Return for how long to listen for namesakes before names count as free.
+
+    A killed process stays in the graph for some 20 s, so being there is no proof of life, only a reason to listen on.
+
+    Args:
+        node: Node to look at the graph with.
+        names: Names in its namespace of which the graph should have one each.
+    """
+    there = node.get_node_names_and_namespaces()
+    taken = any(there.count((name, node.get_namespace())) > 1 for name in names)
+    return LISTEN_ON if taken else LISTEN
