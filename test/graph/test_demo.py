@@ -1,0 +1,150 @@
+"""What ``make run`` does after the set-up: grow, ask from another process, run, compare."""
+
+from __future__ import annotations
+
+import signal
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+from domain_coordinator import domain_id
+from graph import TINY, Graph, Started, ros_arguments, wait_until
+
+from pga_me_ros.core.errors import SettingsError
+from pga_me_ros.demo import Arguments, find_config
+
+CONFIG = Path(__file__).resolve().parents[2] / "config" / "qd_walker.yaml"
+
+
+def demonstrate(graph: Graph, run_dir: Path, *more: str, **parameters: Any) -> Started:
+    """Start the demonstration of a tiny run; it chooses itself whether the orchestrator goes on serving."""
+    values = {**TINY, "run_dir": run_dir, **parameters}
+    words = ["--params-file", str(CONFIG), *ros_arguments(values)[1:], *more]
+    return graph.launch([sys.executable, "-m", "pga_me_ros.demo", *words])
+
+
+def processes_of(run_dir: Path) -> list[str]:
+    """Return the command lines of living processes that work for a run."""
+    found = []
+    for path in Path("/proc").glob("[0-9]*/cmdline"):
+        try:
+            line = path.read_bytes().replace(b"\0", b" ").decode(errors="replace")
+        except OSError:  # it ended while we looked
+            continue
+        if str(run_dir) in line:
+            found.append(line)
+    return found
+
+
+@dataclass
+class Twice:
+    """Two demonstrations with the same command."""
+
+    run_dir: Path
+    codes: list[int]
+    outputs: list[str]
+
+
+@pytest.fixture(scope="module")
+def twice(tmp_path_factory: pytest.TempPathFactory) -> Twice:
+    folder = tmp_path_factory.mktemp("demo")
+    done = Twice(folder / "run", [], [])
+    with domain_id() as domain:
+        graph = Graph(domain, folder)
+        try:
+            for _ in range(2):
+                demo = demonstrate(graph, done.run_dir, "-r", "__ns:=/demo")
+                done.codes.append(demo.wait(120.0))
+                done.outputs.append(demo.output)
+        finally:
+            graph.kill()
+    return done
+
+
+@pytest.mark.slow
+def test_a_robot_in_another_process_gets_what_was_promised(twice: Twice) -> None:
+    assert twice.codes[0] == 0, twice.outputs[0]
+    rows = [line.split() for line in twice.outputs[0].splitlines()]
+    promised = [row[1:] for row in rows if row[:1] == ["promised"]]
+    same_start = [row[3:-1] for row in rows if row[:3] == ["achieved,", "same", "start"]]
+    assert len(promised) == 2
+    assert promised == same_start
+
+
+@pytest.mark.slow
+def test_the_second_time_the_repertoire_is_there(twice: Twice) -> None:
+    assert twice.codes[1] == 0, twice.outputs[1]
+    assert "has reached its budget before" in twice.outputs[1]
+    assert twice.outputs[1].count("equal") == 2
+
+
+@pytest.mark.slow
+def test_nobody_is_left_behind(twice: Twice) -> None:
+    assert not processes_of(twice.run_dir)
+
+
+@pytest.mark.slow
+def test_ctrl_c_ends_it_with_all_its_processes(graph: Graph, tmp_path: Path) -> None:
+    demo = demonstrate(graph, tmp_path / "run", evaluations=100_000)
+    demo.wait_for_output("evaluations 10/")
+    demo.signal(signal.SIGINT)
+    assert demo.wait() == 130, demo.output
+    assert "Traceback" not in demo.output
+    assert "the same command resumes" in demo.output
+    assert not processes_of(tmp_path / "run")
+
+
+@pytest.mark.slow
+def test_nobody_survives_a_killed_demonstration(graph: Graph, tmp_path: Path) -> None:
+    run_dir = tmp_path / "run"
+    demo = demonstrate(graph, run_dir, evaluations=100_000)
+    demo.wait_for_output("evaluations 10/")
+    assert processes_of(run_dir)
+    demo.signal(signal.SIGKILL)
+    demo.wait()
+    wait_until(lambda: not processes_of(run_dir), "the end of all processes", 20.0)
+
+
+def test_a_misspelt_task_gives_one_line_with_the_names_there_are(graph: Graph) -> None:
+    words = ["--params-file", "config/qd_wlker.yaml"]
+    demo = graph.launch([sys.executable, "-m", "pga_me_ros.demo", *words])
+    assert demo.wait() == 2
+    (line,) = demo.output.splitlines()
+    assert "no params file 'config/qd_wlker.yaml' (did you mean 'qd_walker'?)" in line
+
+
+def test_the_budget_stands_behind_the_file_and_before_what_the_user_gives() -> None:
+    words = ["--params-file", str(CONFIG), "-p", "evaluations:=7", "-p", "seed:=1"]
+    arguments = Arguments.parse(words).orchestrator
+    assert arguments[1:3] == words[:2]
+    assert [w for w in arguments if w.startswith("evaluations")] == [
+        "evaluations:=5000",
+        "evaluations:=7",
+    ]
+
+
+def test_a_namespace_reaches_the_robot_too() -> None:
+    words = ["--params-file", str(CONFIG), "-r", "__ns:=/left", "-p", "serve:=true"]
+    arguments = Arguments.parse(words)
+    assert (arguments.remaps, arguments.serve) == (["-r", "__ns:=/left"], True)
+
+
+def test_configurations_are_found_from_any_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert find_config("config/qd_walker.yaml").samefile(CONFIG)
+
+
+def test_a_file_of_ones_own_comes_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    own = tmp_path / "qd_walker.yaml"
+    own.write_text("/**: {ros__parameters: {seed: 1}}\n")
+    assert find_config("qd_walker.yaml").resolve() == own
+
+
+def test_a_full_path_that_is_not_there_is_not_replaced(tmp_path: Path) -> None:
+    with pytest.raises(SettingsError, match="no params file"):
+        find_config(str(tmp_path / "qd_walker.yaml"))
