@@ -42,7 +42,7 @@ class Waiter:
         """Say, from any thread, that something may have come true."""
         self._happened.set()
 
-    def until(self, true: Callable[[], bool], timeout: float = float("inf")) -> bool:
+    def until(self, true: Callable[[], Any], timeout: float = float("inf")) -> bool:
         """Wait for a condition.
 
         Args:
@@ -69,6 +69,7 @@ def call(waiter: Waiter, client: Client, request: Any) -> Any:
 
     Every service of the loop may be asked the same thing twice without harm. A request to a node that dies is never
     answered, so it is sent again as soon as a node came up anew, and a few times more while discovery may lag behind.
+    The first answer counts, be it to an earlier sending: the node may just be slow.
 
     Args:
         waiter: How to wait.
@@ -79,15 +80,21 @@ def call(waiter: Waiter, client: Client, request: Any) -> Any:
         The response, which may be a refusal.
     """
     patience = PATIENCE
+    sent: list[Any] = []
+
+    def answers() -> list[Any]:
+        return [future.result() for future in sent if future.done()]
+
     while True:
         waiter.until(client.service_is_ready)
         arrivals = waiter.arrivals()
-        future = client.call_async(request)
-        future.add_done_callback(lambda _: waiter.wake())
-        waiter.until(lambda: future.done() or arrivals != waiter.arrivals(), patience)  # noqa: B023
-        if future.done():
-            return future.result()
-        client.remove_pending_request(future)
+        sent.append(client.call_async(request))
+        sent[-1].add_done_callback(lambda _: waiter.wake())
+        waiter.until(lambda: answers() or arrivals != waiter.arrivals(), patience)  # noqa: B023
+        if answers():
+            for future in sent:
+                client.remove_pending_request(future)
+            return answers()[0]
         renewed = arrivals != waiter.arrivals()
         patience = EAGERNESS if renewed else min(2.0 * patience, PATIENCE)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import array
 import os
 from importlib.metadata import version
 
@@ -35,6 +36,7 @@ class Variation(GraphNode):
         self._run_id = options["run_id"]
         self._shape = controller_shape(task_spec(self._settings.task), self._settings)
         self._snapshots: dict[int, Snapshot] = {}
+        self._answered: tuple[Propose.Request, array.array[float]] | None = None
         self.create_subscription(CriticSnapshot, names.SNAPSHOT, self._take_snapshot, qos.LATCHED)
         self.serve(Propose, names.PROPOSE, self._propose)
         self.start_heartbeat(
@@ -59,6 +61,10 @@ class Variation(GraphNode):
                 del self._snapshots[old]
 
     def _propose(self, request: Propose.Request, response: Propose.Response) -> None:
+        if self._answered and request == self._answered[0]:
+            # Asked again out of impatience: making the same offspring anew would only add to the delay.
+            response.parameters = self._answered[1]
+            return
         self.check_run(request.run_id, self._run_id)
         settings = with_rates(self._settings, request.rates)
         self._check_places(request)
@@ -74,6 +80,7 @@ class Variation(GraphNode):
         else:
             raise RequestError(f"Operator {request.operator_id} is unknown; expected 0, 1 or 2.")
         response.parameters = flat(made, "f")
+        self._answered = (request, response.parameters)
         self.count_done(request.count)
 
     def _pg_offspring(
