@@ -1,0 +1,147 @@
+"""Stopping, pausing and tuning a run from outside."""
+
+from __future__ import annotations
+
+import signal
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+from graph import Graph, Probe, Started, wait_until
+from pga_me_msgs.msg import Progress
+from processes import children, wait_for_no_children
+from rcl_interfaces.srv import SetParameters
+from rclpy.parameter import Parameter
+from reference import run_digest, search_digest
+from std_srvs.srv import Trigger
+
+from pga_me_ros.core.storage import Repertoire
+from pga_me_ros.ros import names, qos
+
+SOON = 5.0
+"""Seconds within which a run that is asked to stop has ended."""
+
+LONG = {"evaluations": 100_000}
+"""A run that does not end by itself within a test."""
+
+
+def under_way(graph: Graph, run_dir: Path, **parameters: Any) -> Started:
+    run = graph.run(run_dir, **parameters)
+    run.wait_for_output("generation 2/")
+    return run
+
+
+def end(run: Started) -> None:
+    run.signal(signal.SIGTERM)
+    run.wait()
+
+
+@pytest.mark.parametrize(
+    ("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)], ids=["Ctrl-C", "SIGTERM"]
+)
+def test_a_signal_stops_soon_and_says_how_to_resume(
+    graph: Graph, tmp_path: Path, number: signal.Signals, code: int
+) -> None:
+    run_dir = tmp_path / "run"
+    run = under_way(graph, run_dir, **LONG)
+    sent = time.monotonic()
+    run.signal(number)
+    assert run.wait() == code, run.output
+    assert time.monotonic() - sent < SOON
+    assert not children(run_dir)
+    assert "evaluations are safe" in run.output
+    assert "the same command resumes" in run.output
+    assert "Traceback" not in run.output
+
+
+def test_a_stopped_run_resumes_with_the_same_command(graph: Graph, tmp_path: Path) -> None:
+    run_dir, parameters = tmp_path / "run", {"evaluations": 60, "n_crit": 100}
+    end(under_way(graph, run_dir, **parameters))
+    again = graph.run(run_dir, **parameters)
+    assert again.wait() == 0, again.output
+    assert run_digest(run_dir) == search_digest(**parameters)
+
+
+def test_more_signals_leave_neither_traceback_nor_orphan(graph: Graph, tmp_path: Path) -> None:
+    run_dir = tmp_path / "run"
+    run = under_way(graph, run_dir, **LONG)
+
+    def has_ended() -> bool:
+        run.signal(signal.SIGINT)
+        return run.process.poll() is not None
+
+    wait_until(has_ended, "the end")
+    assert run.process.returncode == 130, run.output
+    assert "Traceback" not in run.output
+    wait_for_no_children(run_dir)
+
+
+def test_a_signal_while_the_run_starts_ends_it(graph: Graph, tmp_path: Path) -> None:
+    run_dir = tmp_path / "run"
+    run = graph.run(run_dir, **LONG)
+    wait_until(lambda: "critic_trainer" in children(run_dir), "the first children")
+    run.signal(signal.SIGINT)
+    assert run.wait(SOON) == 130, run.output
+    assert "Traceback" not in run.output
+    assert not children(run_dir)
+
+
+def test_a_paused_run_does_nothing_until_it_is_resumed(
+    graph: Graph, probe: Probe, tmp_path: Path
+) -> None:
+    heard = probe.listen(Progress, names.PROGRESS, qos.LATCHED)
+    run = under_way(graph, tmp_path / "run", **LONG)
+    assert probe.call(Trigger, "orchestrator/pause").success
+    wait_until(lambda: heard[-1].state == "paused", "the pause")
+    at = heard[-1].generation
+    count = len(heard)
+    wait_until(lambda: len(heard) > count + 2, "signs of life of a paused run")
+    assert heard[-1].generation == at
+    assert probe.call(Trigger, "orchestrator/resume").success
+    wait_until(lambda: heard[-1].generation > at, "the next generation")
+    assert not probe.call(Trigger, "orchestrator/resume").success
+    assert probe.call(Trigger, "orchestrator/stop").success
+    assert run.wait() == 0, run.output
+    assert "the same command resumes" in run.output
+
+
+def set_parameters(probe: Probe, **values: Any) -> Sequence[Any]:
+    """Set parameters of the orchestrator all at once, and return the results."""
+    parameters = [Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]
+    response = probe.call(SetParameters, "orchestrator/set_parameters", parameters=parameters)
+    return list(response.results)
+
+
+def test_a_rate_takes_effect_at_the_next_generation_and_is_recorded(
+    graph: Graph, probe: Probe, tmp_path: Path
+) -> None:
+    heard = probe.listen(Progress, names.PROGRESS, qos.LATCHED)
+    run = under_way(graph, tmp_path / "run", **LONG)
+    probe.call(Trigger, "orchestrator/pause")
+    wait_until(lambda: heard[-1].state == "paused", "the pause")
+    at = heard[-1].generation
+    assert all(result.successful for result in set_parameters(probe, n_evo=7, iso_sigma=0.5))
+    probe.call(Trigger, "orchestrator/resume")
+    wait_until(lambda: heard[-1].generation > at, "the next generation")
+    end(run)
+    with Repertoire.open(tmp_path / "run" / "repertoire.db", read_only=True) as repertoire:
+        rates, metrics = repertoire.rates(), repertoire.metrics()
+    assert [(r["n_evo"], r["iso_sigma"]) for r in rates[at : at + 2]] == [(5, 0.005), (7, 0.5)]
+    assert [m.offspring for m in metrics[at : at + 2]] == [(0, 5, 4, 1), (0, 7, 2, 1)]
+
+
+def test_bad_changes_are_refused_with_a_reason(graph: Graph, probe: Probe, tmp_path: Path) -> None:
+    run = under_way(graph, tmp_path / "run", **LONG)
+    refused = {
+        "too large": set_parameters(probe, discount=1.5)[0],
+        "more than the batch": set_parameters(probe, n_evo=11)[0],
+        "wrong type": set_parameters(probe, n_grad="many")[0],
+        "structural": set_parameters(probe, batch_size=20)[0],
+        "unknown": set_parameters(probe, n_evolution=3)[0],
+    }
+    end(run)
+    assert not any(result.successful for result in refused.values())
+    assert all(result.reason for result in refused.values())
+    assert "batch_size=10" in refused["more than the batch"].reason
