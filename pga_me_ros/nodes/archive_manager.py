@@ -9,7 +9,7 @@ import numpy as np
 from pga_me_msgs.msg import Metrics as MetricsMsg
 from pga_me_msgs.srv import AddToArchive, SampleParents
 
-from pga_me_ros.core.elites import NO_PARENT, Operator, Solutions
+from pga_me_ros.core.elites import NO_PARENT, Operator, Solutions, Status
 from pga_me_ros.core.errors import RequestError, SettingsError, StorageError
 from pga_me_ros.core.metrics import Metrics, generation_metrics
 from pga_me_ros.core.schedule import evaluation_ids, sample_parents
@@ -32,6 +32,9 @@ from pga_me_ros.ros.convert import (
 from pga_me_ros.ros.graph_node import GraphNode
 from pga_me_ros.ros.parameters import declare
 from pga_me_ros.ros.process import run_node
+
+STATUS = {status: getattr(AddToArchive.Request, status.name) for status in Status}
+"""What became of a solution, as the message numbers it."""
 
 
 @dataclass(frozen=True)
@@ -103,7 +106,7 @@ class ArchiveManager(GraphNode):
         self._metrics = metrics
         self.count_done()
         self._show()
-        return added.status.tolist()
+        return [STATUS[status] for status in added.status.tolist()]
 
     def _return_to_file(self) -> None:
         """Forget what could not be committed: what is served is what is stored."""
