@@ -17,6 +17,9 @@ from pga_me_ros.ros import names, qos
 WINDOW = 20
 """Generations over which the rate is taken."""
 
+ENDS = ("finished", "stopping", "failed")
+"""States after which there is no progress."""
+
 
 class ProgressReporter:
     """Publishes `Progress` and prints it.
@@ -46,6 +49,8 @@ class ProgressReporter:
         if state == "running" and self.msg.state != "running":
             self._times.clear()
             self._times.append((time.monotonic(), self.msg.evaluations))
+        if state in ENDS:
+            self._control.terminal.close()
         self.msg.state = state
         self.publish()
 
