@@ -56,8 +56,8 @@ def shaped(data: Any, shape: tuple[int, ...], dtype: Any, name: str) -> NDArray[
     return values.reshape(shape)
 
 
-def finite(values: NDArray[Any], name: str) -> NDArray[Any]:
-    """Return an array unless it holds NaN or infinity.
+def finite(values: Any, name: str) -> Any:
+    """Return an array or a number unless it holds NaN or infinity.
 
     Raises:
         RequestError: It does.
@@ -128,7 +128,7 @@ def episode_from_msg(msg: Transitions, spec: TaskSpec) -> Episode:
         states=finite(shaped(msg.states, (steps + 1, dims[0]), np.float32, "states"), "states"),
         actions=finite(shaped(msg.actions, (steps, dims[1]), np.float32, "actions"), "actions"),
         rewards=finite(shaped(msg.rewards, (steps,), np.float32, "rewards"), "rewards"),
-        fitness=msg.fitness,
+        fitness=float(finite(np.float64(msg.fitness), "fitness")),
         descriptor=finite(np.array(msg.descriptor, np.float64), "descriptor"),
         terminated=msg.terminated,
     )

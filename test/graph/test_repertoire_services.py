@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from graph import wait_until
+from graph import Graph, Probe, wait_until
 from pga_me_msgs.msg import Metrics
 from pga_me_msgs.srv import GetBehavior, GetInfo, ListBehaviors
 from sensor_msgs.msg import Image
@@ -256,3 +256,12 @@ def test_a_repertoire_can_live_in_a_namespace(repertoire: Served) -> None:
     graph.start("archive_manager", {"repertoire": repertoire.path}, "-r", "__ns:=/left")
     response = repertoire.probe.call(GetBehavior, "/left/repertoire/get_behavior", select=ASK.BEST)
     assert response.found
+
+
+def test_a_run_serves_what_it_has_while_it_goes_on(
+    graph: Graph, probe: Probe, tmp_path: Path
+) -> None:
+    run = graph.run(tmp_path / "run", evaluations=100_000)
+    run.wait_for_output("evaluations 10/")
+    assert probe.call(GetBehavior, "repertoire/get_behavior", select=ASK.BEST).found
+    assert probe.call(GetInfo, "repertoire/get_info").growing
