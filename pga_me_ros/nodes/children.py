@@ -24,6 +24,9 @@ CRASH_WINDOW = 60.0
 CRASH_LIMIT = 5
 """Deaths within the window, and within one generation, that end the run."""
 
+KILL_LIMIT = 20
+"""The same where the last death was a SIGKILL: that comes from outside, or from a machine short of memory."""
+
 
 class ChildError(PgaError):
     """A child cannot be started, or dies again and again."""
@@ -178,9 +181,10 @@ class Children:
             )
         now = time.monotonic()
         child.deaths = [t for t in child.deaths if now - t < CRASH_WINDOW] + [now]
-        if len(child.deaths) >= CRASH_LIMIT:
+        limit = KILL_LIMIT if code == -signal.SIGKILL else CRASH_LIMIT
+        if len(child.deaths) >= limit:
             raise ChildError(
-                f"Node '{child.name}' died {CRASH_LIMIT} times within {CRASH_WINDOW:.0f} s (last exit "
+                f"Node '{child.name}' died {limit} times within {CRASH_WINDOW:.0f} s (last exit "
                 f"code {code}): {child.last_words()} See {child.log_path}. "
                 "What was committed is kept; start again to resume."
             )
