@@ -87,13 +87,22 @@ def draw_curves(runs: Sequence[StoredRun], folder: Path) -> list[Path]:
 
 
 def _label(axes: Axes, run: StoredRun) -> None:
-    """Name the axes by the descriptors; nested maps name inner and outer ones."""
-    names = [name.replace("_", " ") for name in run.spec.descriptor_names]
-    axes.set_xlabel(" (outer), ".join(names[0::2]) + (" (inner)" if len(names) > 2 else ""))
+    """Name the axes by the descriptors; of a map within a map, the outer one comes first."""
+    names = run.spec.descriptor_names
+    axes.set_xlabel(_axis_label(names[0::2]))
     if len(names) > 1:
-        axes.set_ylabel(" (outer), ".join(names[1::2]) + (" (inner)" if len(names) > 2 else ""))
+        axes.set_ylabel(_axis_label(names[1::2]))
     else:
         axes.set_yticks([])
+
+
+def _axis_label(names: Sequence[str]) -> str:
+    """Return descriptor names such as ``left_foot/contact_share`` as words, what they share said once."""
+    parts, quantities = zip(
+        *(name.replace("_", " ").partition("/")[::2] for name in names), strict=True
+    )
+    text = ", then ".join(parts)
+    return f"{quantities[0]} of {text}" if quantities[0] and len(set(quantities)) == 1 else text
 
 
 def _save(figure: Figure, stem: Path) -> list[Path]:
