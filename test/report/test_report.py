@@ -15,6 +15,9 @@ from pga_me_ros.core.metrics import Metrics, generation_metrics
 from pga_me_ros.core.run_directory import open_run
 from pga_me_ros.core.settings import RATES, Settings
 from pga_me_ros.core.storage import Repertoire
+from pga_me_ros.report.__main__ import draw, table
+from pga_me_ros.report.pictures import draw_archive
+from pga_me_ros.report.stored_run import StoredRun
 from pga_me_ros.tasks.registry import task_spec
 
 TASKS = ["qd_hopper", "qd_walker", "qd_ant"]
@@ -55,49 +58,41 @@ def stored(folder: Path, task: str, seed: int) -> Path:
     return path
 
 
-def report(*arguments: object) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "pga_me_ros.report", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, check=False)
-
-
 @pytest.mark.parametrize("task", TASKS)
 def test_pictures_of_one_run_show_something(task: str, tmp_path: Path) -> None:
-    result = report(stored(tmp_path, task, 1), "--out", tmp_path / "out")
-    assert result.returncode == 0, result.stderr
-    files = sorted(path.name for path in (tmp_path / "out").iterdir())
-    assert files == [
+    files = draw([StoredRun.load(stored(tmp_path, task, 1))], tmp_path)
+    assert [file.name for file in files] == [
         f"{task}-1-archive.png",
         f"{task}-1-archive.svg",
         f"{task}-curves.png",
         f"{task}-curves.svg",
     ]
-    picture = imread(tmp_path / "out" / f"{task}-1-archive.png")
+    picture = imread(files[0])
     assert len(np.unique(picture.reshape(-1, picture.shape[-1]), axis=0)) > 20
 
 
 def test_the_table_has_every_run_and_the_median(tmp_path: Path) -> None:
-    runs = [stored(tmp_path, "qd_walker", seed) for seed in (1, 2, 3)]
-    lines = report(*runs, "--out", tmp_path / "out").stdout.splitlines()
-    best = []
-    for run in runs:
-        with Repertoire.open(run / "repertoire.db", read_only=True) as repertoire:
-            best.append(repertoire.metrics()[-1].max_fitness)
+    runs = [StoredRun.load(stored(tmp_path, "qd_walker", seed)) for seed in (1, 2, 3)]
+    lines = table(runs).splitlines()
+    best = [run.metrics[-1].max_fitness for run in runs]
     assert [line.split(" | ")[-1] for line in lines[2:6]] == [
         f"{value:,.0f} |" for value in [*best, np.median(best)]
     ]
 
 
 def test_the_same_run_gives_the_same_drawing(tmp_path: Path) -> None:
-    run = stored(tmp_path, "qd_ant", 1)
+    run = StoredRun.load(stored(tmp_path, "qd_walker", 1))
     drawings = []
     for name in ("one", "two"):
-        report(run, "--out", tmp_path / name)
-        drawings.append((tmp_path / name / "qd_ant-1-archive.svg").read_bytes())
+        (tmp_path / name).mkdir()
+        (_, svg) = draw_archive(run, tmp_path / name)
+        drawings.append(svg.read_bytes())
     assert drawings[0] == drawings[1]
 
 
 def test_a_folder_without_a_run_is_told_in_one_line(tmp_path: Path) -> None:
-    result = report(tmp_path, "--out", tmp_path / "out")
+    command = [sys.executable, "-m", "pga_me_ros.report", str(tmp_path)]
+    result = subprocess.run(command, capture_output=True, text=True, check=False, cwd=tmp_path)
     assert result.returncode == 2
     assert result.stderr.startswith("error: ")
     assert result.stderr.count("\n") == 1
