@@ -146,9 +146,10 @@ class EvaluatorPool:
             now = time.monotonic()
             for name, worker in list(self._workers.items()):
                 if now - worker.seen > SILENCE:
-                    self._node.get_logger().warning(
-                        f"evaluator {name} has been silent for {SILENCE:.0f} s; its work goes to others"
-                    )
+                    if worker.chunks:  # else it is not missed, as after the end of a run
+                        self._node.get_logger().warning(
+                            f"evaluator {name} has been silent for {SILENCE:.0f} s; its work goes to others"
+                        )
                     self._lose(name)
                 elif worker.chunks and not worker.client.service_is_ready():
                     self._lose(name)  # it has left in good order; silence would tell only later
