@@ -187,7 +187,6 @@ def demonstrate(arguments: Arguments, signals: Signals) -> int:
             while not finished.wait(TICK):
                 if orchestrator.poll() is not None:
                     return orchestrator.returncode
-        print("a robot in another process asks for gaits and runs them:", flush=True)
         robot = start("pga_me_ros.demo_robot", ["--ros-args", *arguments.remaps])
         signals.children.append(robot)
         code = robot.wait()

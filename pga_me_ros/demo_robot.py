@@ -64,14 +64,15 @@ def ask_and_run(client: RepertoireClient) -> int:
     task = load_task(info.settings["task"])()
     try:
         print(
-            f"{info.coverage} behaviours of {info.task}; descriptor: {', '.join(info.descriptor_names)}"
+            f"robot (process {os.getpid()}): the repertoire holds {info.coverage} behaviours of {info.task}, "
+            f"described by {', '.join(info.descriptor_names)}"
         )
-        print("the best:")
+        print("the fittest of them:")
         equal = show(client.get_behavior(best=True), info, task)
         wanted = _first_foot_spared(info)
         behavior = client.get_behavior(descriptor=wanted)
         print(
-            f"nearest to descriptor {np.round(wanted, 2).tolist()}, {behavior.distance:.3f} away:"
+            f"the one nearest to descriptor {np.round(wanted, 2).tolist()}, {behavior.distance:.3f} away:"
         )
         equal &= show(behavior, info, task)
     finally:
