@@ -74,13 +74,11 @@ class DurableLearner:
             if greedy is None:
                 raise RequestError("The first training needs a controller to start at; send one.")
             self._learner.start_greedy_at(greedy)
-        if self._learner.newest > order.experience:
+        window = self.experience.window(order.experience)
+        # Training may have been off for longer than files are kept: then what is in the buffer is too old to go on from.
+        if not window.start <= self._learner.newest + 1 <= window.stop:
             self._learner.forget_experience()
-        if self._learner.newest < 0:
-            wanted = self.experience.window(order.experience)
-        else:
-            wanted = range(self._learner.newest + 1, order.experience + 1)
-        for generation in wanted:
+        for generation in range(max(window.start, self._learner.newest + 1), window.stop):
             self._learner.add(generation, self.experience.episodes(generation))
 
     def train(self, order: TrainingOrder) -> Snapshot:

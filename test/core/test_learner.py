@@ -11,6 +11,7 @@ from pga_me_ros.core.durable_learner import DurableLearner
 from pga_me_ros.core.errors import PgaError, RequestError, StorageError
 from pga_me_ros.core.learner import Learner
 from pga_me_ros.core.schedule import TrainingOrder
+from pga_me_ros.core.search import Search
 
 BRIEF = SETTINGS.replace(n_crit=10, evaluations=100)
 SCHEDULES = [
@@ -38,6 +39,18 @@ def test_a_learner_that_dies_after_its_training_goes_on_bit_for_bit(changes, tmp
     graph = GraphInSmall(settings, tmp_path)
     graph.grow(range(settings.generations), late_restarts=range(1, settings.generations, 2))
     assert graph.archive.digest() == grown(settings).archive.digest()
+
+
+def test_training_goes_on_after_a_pause_longer_than_experience_is_kept(tmp_path):
+    settings = BRIEF.replace(replay_size=40)
+    off = settings.replace(n_evo=settings.batch_size)
+    graph = GraphInSmall(settings, tmp_path, rates={3: off, 8: settings})
+    graph.grow(range(settings.generations))
+    search, task = Search(Lane.spec, settings), Lane()
+    for t in range(settings.generations):
+        search.settings = off if 3 <= t < 8 else settings
+        search.run_generation(task)
+    assert graph.archive.digest() == search.archive.digest()
 
 
 def test_a_training_done_again_with_other_rates_starts_from_the_state_before_it(tmp_path):
