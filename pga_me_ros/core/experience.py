@@ -124,8 +124,8 @@ class Experience:
         if stored != list(expected):
             gap = min(set(expected) - set(stored))
             raise StorageError(
-                f"The experience of generation {gap} is missing; restore "
-                f"'{self._files.path(gap)}' or start a new run."
+                f"The experience of generation {gap} is missing: if it was stored, restore "
+                f"'{self._files.path(gap)}' or start a new run; if not, send its episodes first."
             )
         return expected
 

@@ -99,7 +99,7 @@ def test_a_best_start_without_a_controller_is_refused(tmp_path):
 def test_experience_that_is_not_there_is_told(tmp_path):
     graph = GraphInSmall(BRIEF, tmp_path)
     graph.grow(range(4))
-    with pytest.raises(RequestError, match="generation 4 is not here"):
+    with pytest.raises(StorageError, match="generation 4 is missing"):
         graph.learner.prepare(TrainingOrder.of(5, 4, BRIEF))
 
 
