@@ -75,7 +75,7 @@ class DurableLearner:
                 raise RequestError("The first training needs a controller to start at; send one.")
             self._learner.start_greedy_at(greedy)
         window = self.experience.window(order.experience)
-        # Training may have been off for longer than files are kept: what is in the buffer is then too old to go on from.
+        # Training may have been off for longer than files are kept: the buffer is then too old to go on from.
         if not window.start <= self._learner.newest + 1 <= window.stop:
             self._learner.forget_experience()
         for generation in range(max(window.start, self._learner.newest + 1), window.stop):
