@@ -12,17 +12,16 @@ import argparse
 import json
 import os
 import signal
-import statistics
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import rclpy
+from _measure import seconds, spread
 from _run_times import committed
 from pga_me_msgs.srv import GetBehavior
 from ribs.archives import CVTArchive
@@ -37,22 +36,6 @@ BATCH = 100
 WARM_UP = 20
 LEAD = 7
 """Generations before the latency is measured: PG variation and training are under way then."""
-
-
-def seconds(work: Callable[[], object]) -> float:
-    """Return the time that a call takes."""
-    start = time.perf_counter()
-    work()
-    return time.perf_counter() - start
-
-
-def spread(values: list[float]) -> dict[str, float]:
-    """Return median, least and greatest of some ratios."""
-    return {
-        "median": round(statistics.median(values), 3),
-        "min": round(min(values), 3),
-        "max": round(max(values), 3),
-    }
 
 
 def against_pyribs(rounds: int) -> dict[str, dict[str, float]]:

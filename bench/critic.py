@@ -8,14 +8,12 @@ from __future__ import annotations
 
 import argparse
 import json
-import statistics
-import time
-from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 import torch
+from _measure import product_rate, seconds, spread
 from torch import nn
 
 from pga_me_ros.core.critic import CriticTrainer
@@ -119,24 +117,6 @@ def needed_operations(spec: WalkerDimensions, s: Settings) -> float:
     return critics + greedy / s.target_period
 
 
-def seconds(work: Callable[[], object]) -> float:
-    """Return the time that a call takes."""
-    start = time.perf_counter()
-    work()
-    return time.perf_counter() - start
-
-
-def product_rate(n: int = 256, repeats: int = 200) -> float:
-    """Return the rate of float32 matrix products of (n, n), in operations per second."""
-    a, b, out = torch.randn(n, n), torch.randn(n, n), torch.empty(n, n)
-
-    def multiply() -> None:
-        for _ in range(repeats):
-            torch.mm(a, b, out=out)
-
-    return 2 * n**3 * repeats / seconds(multiply)
-
-
 def filled_replay(spec: WalkerDimensions, transitions: int) -> ReplayBuffer:
     """Return a buffer with random transitions."""
     rng = np.random.default_rng(0)
@@ -149,15 +129,6 @@ def filled_replay(spec: WalkerDimensions, transitions: int) -> ReplayBuffer:
             terminated=True,
         )
     return replay
-
-
-def spread(values: list[float]) -> dict[str, float]:
-    """Return median, least and greatest of some ratios."""
-    return {
-        "median": round(statistics.median(values), 3),
-        "min": round(min(values), 3),
-        "max": round(max(values), 3),
-    }
 
 
 def main() -> None:

@@ -25,6 +25,7 @@ from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+from _measure import spread
 from _run_times import committed
 
 from pga_me_ros.core.search import Search
@@ -168,11 +169,7 @@ def measure(name: str, part: Part, rounds: int) -> dict[str, object]:
             f"{name} seed {seed}: one process {sum(alone.seconds):.1f} s, graph {sum(graph.seconds):.1f} s"
         )
     figures: dict[str, object] = {
-        "time_of_one_process": {
-            "median": round(statistics.median(ratios), 3),
-            "min": round(min(ratios), 3),
-            "max": round(max(ratios), 3),
-        },
+        "time_of_one_process": spread(ratios),
         "share": {
             kind: round(statistics.median(s.get(kind, 0.0) for s in shares), 3)
             for kind in shares[0]

@@ -8,13 +8,11 @@ from __future__ import annotations
 
 import argparse
 import json
-import statistics
-import time
-from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
 import torch
+from _measure import product_rate, seconds, spread
 from numpy.typing import NDArray
 from torch import nn
 
@@ -61,33 +59,6 @@ def needed_operations(rows: int) -> int:
     )
     through_actor = 2 * actor - 2 * rows * obs * first
     return actor + critic + through_critic + through_actor
-
-
-def seconds(work: Callable[[], object]) -> float:
-    """Return the time that a call takes."""
-    start = time.perf_counter()
-    work()
-    return time.perf_counter() - start
-
-
-def product_rate(n: int = 256, repeats: int = 200) -> float:
-    """Return the rate of float32 matrix products of (n, n), in operations per second."""
-    a, b, out = torch.randn(n, n), torch.randn(n, n), torch.empty(n, n)
-
-    def multiply() -> None:
-        for _ in range(repeats):
-            torch.mm(a, b, out=out)
-
-    return 2 * n**3 * repeats / seconds(multiply)
-
-
-def spread(values: list[float]) -> dict[str, float]:
-    """Return median, least and greatest of some ratios."""
-    return {
-        "median": round(statistics.median(values), 3),
-        "min": round(min(values), 3),
-        "max": round(max(values), 3),
-    }
 
 
 def main() -> None:

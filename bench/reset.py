@@ -10,13 +10,13 @@ from __future__ import annotations
 import argparse
 import json
 import os
-import statistics
 import time
 from typing import Any
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
+from _measure import tabulated
 from rollout import STOCK, generator, stock_reset
 
 from pga_me_ros.tasks.registry import load_task
@@ -71,13 +71,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--rounds", type=int, default=15)
     rounds = parser.parse_args().rounds
-    figures = {}
-    print(f"{'task':16} {'figure':18} median  quartiles")
-    for name in STOCK:
-        for figure, values in measure_task(name, rounds).items():
-            low, median, high = statistics.quantiles(values, n=4)
-            figures[f"{name}.{figure}"] = round(median, 3)
-            print(f"{name:16} {figure:18} {median:6.2f}  {low:.2f} to {high:.2f}", flush=True)
+    figures = tabulated(STOCK, lambda name: measure_task(name, rounds))
     print(json.dumps({"bench": "reset", "figures": figures}))
 
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 import argparse
 import json
 import os
-import statistics
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -23,6 +22,7 @@ import numpy as np
 import pybullet
 import pybullet_envs_gymnasium.gym_locomotion_envs as stock_envs
 import torch
+from _measure import tabulated
 from torch import nn
 
 from pga_me_ros.core.policy import Controller, MlpShape, random_parameters
@@ -175,13 +175,7 @@ def main() -> None:
     parser.add_argument("--rounds", type=int, default=9)
     rounds = parser.parse_args().rounds
     torch.set_num_threads(1)
-    figures = {}
-    print(f"{'task':16} {'figure':18} median  quartiles")
-    for name in STOCK:
-        for figure, values in measure_task(name, rounds).items():
-            low, median, high = statistics.quantiles(values, n=4)
-            figures[f"{name}.{figure}"] = round(median, 3)
-            print(f"{name:16} {figure:18} {median:6.2f}  {low:.2f} to {high:.2f}", flush=True)
+    figures = tabulated(STOCK, lambda name: measure_task(name, rounds))
     print(json.dumps({"bench": "rollout", "figures": figures}))
 
 
