@@ -57,6 +57,7 @@ class PendingCall:
         self.future = Future(executor=node.executor)
         self._name = node.resolve_service_name(client.srv_name)
         self.ended = threading.Event()
+        self._ending = False
         self.deadline = time.monotonic() + timeout
         self._client = client
         self._request = request
@@ -72,7 +73,7 @@ class PendingCall:
             Whether the call has ended.
         """
         with self._lock:
-            if self._answer is None and not self.ended.is_set() and self._client.service_is_ready():
+            if self._answer is None and not self._ending and self._client.service_is_ready():
                 self._answer = self._client.call_async(self._request)
                 self._answer.add_done_callback(self._answered)
         if self.future.cancelled():
@@ -95,13 +96,14 @@ class PendingCall:
 
     def _end(self, settle: Callable[[], None]) -> None:
         with self._lock:
-            if self.ended.is_set():
+            if self._ending:
                 return
-            self.ended.set()
+            self._ending = True
         if self._answer is not None:
             self._client.remove_pending_request(self._answer)
         if not self.future.cancelled():
             settle()
+        self.ended.set()  # last: whoever waits for it reads the future at once
 
     def _reason(self) -> str:
         name = self._name
@@ -202,8 +204,14 @@ class PatientCaller:
 
     def _tick(self) -> None:
         with self._lock:
-            self._pending = [call for call in self._pending if not call.advance()]
-            if not self._pending:
+            calls, self._pending = self._pending, []
+        # Without the lock: the end of a call may run a done callback that starts the next one.
+        left = [call for call in calls if not call.advance()]
+        with self._lock:
+            self._pending += left
+            if self._pending:
+                self._timer.reset()  # another thread's tick may have found nothing left to do
+            else:
                 self._timer.cancel()
 
 

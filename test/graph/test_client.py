@@ -235,6 +235,22 @@ def test_no_service_ends_a_future_too(nobody: Context, robots: Robots) -> None:
         outcome(RepertoireClient(node).get_info_async(timeout=SHORT))
 
 
+def test_a_done_callback_may_ask_again(nobody: Context, robots: Robots) -> None:
+    node = robots.node(nobody)
+    client = RepertoireClient(node, timeout=SHORT)
+    ended: list[Future] = []
+
+    def again(future: Future) -> None:
+        ended.append(future)
+        if len(ended) < 3:
+            client.get_info_async().add_done_callback(again)
+
+    client.get_info_async().add_done_callback(again)  # before anything spins, as in a constructor
+    robots.spin(node)
+    wait_until(lambda: len(ended) == 3, "three ends", timeout=10.0)
+    assert all(isinstance(future.exception(), RepertoireTimeoutError) for future in ended)
+
+
 def test_a_service_that_comes_later_is_waited_for(
     nobody: Context, robots: Robots, repertoire: Served, tmp_path: Path
 ) -> None:
