@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import traceback
 from importlib.metadata import version
 from pathlib import Path
 
@@ -100,9 +101,11 @@ class CriticTrainerNode(GraphNode):
         snapshot: Snapshot | None = None
         try:
             snapshot = self._learner.train(order)
-        except PgaError as error:
-            self._fault = str(error)
-            self.refused(f"training failed: {error}")
+        except Exception as error:  # else the orchestrator would order the same training for ever
+            self._fault = str(error) if isinstance(error, PgaError) else repr(error)
+            if not isinstance(error, PgaError):
+                self.get_logger().error(traceback.format_exc())
+            self.refused(f"training failed: {self._fault}")
         finally:
             # Before the snapshot is published: whoever hears of it may order the next training at once.
             self._training = None
