@@ -80,6 +80,8 @@ class GraphNode(Node):
             except ExternalShutdownException:
                 raise  # the node is to end, and there is nothing left to answer with
             except Exception as error:  # a fault must not take the node down with it
+                if not self.context.ok():  # no fault: a signal came in the middle of the work
+                    raise ExternalShutdownException from error
                 self.get_logger().error(traceback.format_exc())
                 reason = f"internal fault: {type(error).__name__}: {error}"
                 self._refuse(response, ok_field, name, reason)

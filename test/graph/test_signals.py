@@ -8,17 +8,21 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from graph import Graph, Probe, Started, wait_until
-from pga_me_msgs.msg import Progress
+from pga_me_msgs.msg import Progress, Transitions
+from pga_me_msgs.srv import Evaluate
 from processes import children, wait_for_no_children
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 from reference import run_digest, search_digest
 from std_srvs.srv import Trigger
 
+from pga_me_ros.core.policy import MlpShape
 from pga_me_ros.core.storage import Repertoire
 from pga_me_ros.ros import names, qos
+from pga_me_ros.ros.convert import flat
 
 SOON = 5.0
 """Seconds within which a run that is asked to stop has ended."""
@@ -86,6 +90,26 @@ def test_a_signal_while_the_run_starts_ends_it(graph: Graph, tmp_path: Path) -> 
     assert run.wait(SOON) == 130, run.output
     assert "Traceback" not in run.output
     assert not children(run_dir)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=["Ctrl-C", "SIGTERM"])
+def test_a_signal_in_the_middle_of_an_episode_ends_an_evaluator_quietly(
+    graph: Graph, probe: Probe, number: signal.Signals
+) -> None:
+    heard = probe.listen(Transitions, names.TRANSITIONS, qos.EXPERIENCE_READER)
+    evaluator = graph.start("evaluator", {"task": "qd_half_cheetah"}, "-r", "__node:=mine")
+    client = probe.node.create_client(Evaluate, "mine/evaluate")
+    wait_until(client.service_is_ready, "the evaluator")
+    shape = MlpShape((26, 8, 6))  # of a robot that never falls, so that every episode is long
+    request = Evaluate.Request(task="qd_half_cheetah", evaluations=range(50))
+    request.layer_sizes = list(shape.sizes)
+    request.parameters = flat(np.zeros((50, shape.parameter_count)), "f")
+    client.call_async(request)
+    wait_until(lambda: bool(heard), "the first episode")
+    evaluator.signal(number)
+    assert evaluator.wait(SOON) == 0
+    said = [line for line in evaluator.output.splitlines() if not line.startswith("pybullet build")]
+    assert said == []
 
 
 def test_a_paused_run_does_nothing_until_it_is_resumed(
