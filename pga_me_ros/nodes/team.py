@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import socket
+import sys
 import time
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,7 @@ from pga_me_ros.core.errors import PgaError
 from pga_me_ros.core.run_directory import RunDirectory
 from pga_me_ros.nodes.children import Children
 from pga_me_ros.nodes.evaluator_pool import EvaluatorPool
+from pga_me_ros.ros.command_line import remappings
 from pga_me_ros.ros.namesakes import listening_time
 
 SINGLETONS = ("archive_manager", "critic_trainer", "variation")
@@ -40,7 +42,7 @@ class Team:
         self._pool = pool
         namespace = node.get_namespace()
         self._prefix = namespace.rstrip("/") + "/"
-        arguments = ["-r", f"__ns:={namespace}"]
+        arguments = ["-r", f"__ns:={namespace}", *remappings(sys.argv[1:])]
         self.children = Children(directory.path, arguments, directory.lock.fileno())
         self._parameters = directory.path / "parameters"
         self._parameters.mkdir(exist_ok=True)

@@ -19,6 +19,7 @@ from pga_me_ros.ros.parameter_help import parameter_list
 from pga_me_ros.ros.params_file import matches, sections
 
 HELP = ("-h", "--help")
+REMAP = ("-r", "--remap")
 
 
 @dataclass(frozen=True)
@@ -109,6 +110,15 @@ def node_name(program: Program, args: Sequence[str]) -> str:
         elif rule:
             name = rule[2]
     return f"{namespace.rstrip('/')}/{name}"
+
+
+def remappings(args: Sequence[str]) -> list[str]:
+    """Return the arguments that rename topics and services, for other nodes of the same graph to rename them, too."""
+    found: list[str] = []
+    for flag, rule in pairwise(args):
+        if flag in REMAP and not re.fullmatch(r"(?:[^:]+:)?__(ns|node|name):=.*", rule):
+            found += [flag, rule]
+    return found
 
 
 def _outside_ros_args(args: Sequence[str]) -> list[str]:

@@ -16,3 +16,8 @@ def test_a_run_ends_with_a_repertoire_of_its_budget(graph: Graph, tmp_path: Path
         metrics = repertoire.metrics()
     assert [m.evaluations for m in metrics] == [10, 20, 30]
     assert metrics[-1].offspring == (0, 5, 4, 1)
+
+
+def test_a_renamed_service_is_renamed_for_all_nodes(graph: Graph, tmp_path: Path) -> None:
+    run = graph.run(tmp_path / "run", "-r", "archive/add:=archive/insert")
+    assert run.wait() == 0, run.output

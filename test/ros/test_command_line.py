@@ -10,7 +10,7 @@ import pytest
 from pga_me_ros.core.errors import SettingsError
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.nodes.options import RunOptions
-from pga_me_ros.ros.command_line import Program, check, node_name, start
+from pga_me_ros.ros.command_line import Program, check, node_name, remappings, start
 from pga_me_ros.ros.parameter_help import parameter_list, parameter_table
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "scripts"))
@@ -50,6 +50,11 @@ def test_ros_arguments_pass(arguments: str) -> None:
 )
 def test_a_node_has_the_name_it_is_remapped_to(arguments: str, name: str) -> None:
     assert node_name(PROGRAM, arguments.split()) == name
+
+
+def test_other_nodes_are_told_of_renamed_topics_and_services_but_not_of_names() -> None:
+    words = "--ros-args -r __ns:=/a -r a/b:=c --remap boss:d:=/e -p seed:=1 -r boss:__node:=f"
+    assert remappings(words.split()) == ["-r", "a/b:=c", "--remap", "boss:d:=/e"]
 
 
 def test_a_params_file_for_other_nodes_is_refused(tmp_path: Path) -> None:
