@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import ctypes
 import signal
+import socket
 import subprocess
 import sys
 import threading
@@ -152,7 +153,7 @@ def listening(pid: int, remaps: Sequence[str]) -> Iterator[threading.Event]:
     node = rclpy.create_node("demo", cli_args=["--ros-args", "-r", "__node:=demo"])
 
     def hear(msg: Progress) -> None:
-        if msg.pid == pid and msg.state == "finished":
+        if (msg.host, msg.pid) == (socket.gethostname(), pid) and msg.state == "finished":
             event.set()
 
     node.create_subscription(Progress, names.PROGRESS, hear, qos.LATCHED)

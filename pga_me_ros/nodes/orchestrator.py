@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import socket
 import sys
 import threading
 from collections.abc import Iterator
@@ -168,7 +169,7 @@ def require_free_name(control: Control) -> None:
     waiter = Waiter(lambda: stop_if_asked(control))
 
     def take(msg: Progress) -> None:
-        if msg.pid != os.getpid():
+        if (msg.host, msg.pid) != (socket.gethostname(), os.getpid()):
             heard.append(msg)
             waiter.wake()
 
