@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import threading
 from importlib.metadata import version
 
 from pga_me_msgs.msg import Metrics, NodeStatus
@@ -77,7 +76,6 @@ class Run:
         self._clients = clients
         self._info = control.create_client(GetInfo, names.GET_INFO)
         control.create_subscription(NodeStatus, names.STATUS, self._heard, qos.STATUS)
-        self._looking = threading.Lock()
 
     def grow(self) -> None:
         """Do the generations that are left.
@@ -135,8 +133,7 @@ class Run:
         """Look after everything that may need it while something is waited for."""
         if self._control.stop_requested.is_set():
             raise StoppedError
-        with self._looking:
-            self._team.tick()
+        self._team.tick()
         self._pool.tick()
 
     def _heard(self, msg: NodeStatus) -> None:
