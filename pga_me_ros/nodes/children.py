@@ -109,7 +109,9 @@ class Children:
             name: Node name.
             parameters: YAML file with its parameters.
         """
-        arguments = [sys.executable, "-m", f"pga_me_ros.nodes.{kind}", "--ros-args"]
+        # All nodes of a run import from the same places: -P leaves the current folder out.
+        safe_path = ["-P"] if sys.flags.safe_path else []
+        arguments = [sys.executable, *safe_path, "-m", f"pga_me_ros.nodes.{kind}", "--ros-args"]
         arguments += ["-r", f"__node:={name}", "--params-file", str(parameters)]
         log_path = self._logs / f"{name}.log"
         child = Child(name, arguments + self._ros_arguments, log_path, (self._lock,))
