@@ -7,6 +7,7 @@ from typing import Any
 
 from rclpy.impl.rcutils_logger import RcutilsLogger
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
 
 from pga_me_ros.core.errors import SettingsError
@@ -45,7 +46,9 @@ class Control(Node):
         return CalmLogger(super().get_logger(), self.terminal)
 
     def take_rates(self, settings: Settings) -> None:
-        """Take the rates of a resumed run as they are in force."""
+        """Take the rates of a resumed run as they are in force, for the parameters to show."""
+        changed = [n for n in RATES if getattr(settings, n) != getattr(self.settings, n)]
+        self.set_parameters([Parameter(n, value=getattr(settings, n)) for n in changed])
         self.settings = settings
 
     def _changed(self, changes: dict[str, Any]) -> Settings:

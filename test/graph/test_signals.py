@@ -14,7 +14,7 @@ from graph import Graph, Probe, Started, wait_until
 from pga_me_msgs.msg import Progress, Transitions
 from pga_me_msgs.srv import Evaluate
 from processes import children, wait_for_no_children
-from rcl_interfaces.srv import SetParameters
+from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.parameter import Parameter
 from reference import run_digest, search_digest
 from std_srvs.srv import Trigger
@@ -154,6 +154,26 @@ def test_a_rate_takes_effect_at_the_next_generation_and_is_recorded(
         rates, metrics = repertoire.rates(), repertoire.metrics()
     assert [(r["n_evo"], r["iso_sigma"]) for r in rates[at : at + 2]] == [(5, 0.005), (7, 0.5)]
     assert [m.offspring for m in metrics[at : at + 2]] == [(0, 5, 4, 1), (0, 7, 2, 1)]
+
+
+def test_parameters_of_a_resumed_run_show_the_rates_in_force(
+    graph: Graph, probe: Probe, tmp_path: Path
+) -> None:
+    run_dir = tmp_path / "run"
+    run = under_way(graph, run_dir, **LONG)
+    assert all(result.successful for result in set_parameters(probe, n_evo=7, iso_sigma=0.5))
+    run.wait_for_output("from the next generation on: iso_sigma")
+    at = run.output.count("generation")
+    wait_until(lambda: run.output.count("generation") > at + 2, "generations with the new rates")
+    end(run)
+    again = graph.run(run_dir, **LONG)
+    again.wait_for_output("resumed the run")
+    response = probe.call(
+        GetParameters, "orchestrator/get_parameters", names=["n_evo", "iso_sigma"]
+    )
+    end(again)
+    n_evo, iso_sigma = response.values
+    assert (n_evo.integer_value, iso_sigma.double_value) == (7, 0.5)
 
 
 def test_bad_changes_are_refused_with_a_reason(graph: Graph, probe: Probe, tmp_path: Path) -> None:
