@@ -28,12 +28,6 @@ IN_FLIGHT = 2
 SETTLE = 1.0
 """Seconds that a restarted evaluator gets until everybody has discovered its new service."""
 
-LOST = 10.0
-"""Seconds without a finished evaluation after which a request to a living evaluator counts as lost on the way."""
-
-STRAGGLER = 3.0
-"""How many times the expected time a chunk may take before idle evaluators do it too."""
-
 REFUSALS = 3
 """Refusals in a row after which an evaluator gets no more work; when none is left, the run gives up."""
 
@@ -153,12 +147,11 @@ class EvaluatorPool:
                     self._lose(name)
                 elif worker.chunks and not worker.client.service_is_ready():
                     self._lose(name)  # it has left in good order; silence would tell only later
-                patience = max(LOST, 20.0 * self._seconds)
-                for chunk in list(worker.chunks):
-                    if now - max(chunk.sent, worker.progress) > patience:
-                        # Its answer still counts, should it come: episodes may take longer than we think.
-                        worker.chunks.remove(chunk)
-                        self._put_back(chunk)
+                overdue = worker.overdue(now, self._seconds)
+                for chunk in overdue:  # its answer still counts, should it come
+                    worker.chunks.remove(chunk)
+                    self._put_back(chunk)
+                worker.given_up += bool(overdue)
             self._dispatch()
 
     def _lose(self, name: str) -> None:
@@ -234,18 +227,17 @@ class EvaluatorPool:
             self._help_stragglers(now, [w for w in ready if not w.chunks])
 
     def _help_stragglers(self, now: float, idle: Sequence[Worker]) -> None:
-        for helper in idle:
-            late = [
-                k
-                for worker in self._workers.values()
-                for chunk in worker.chunks
-                for k in chunk.ids
-                if now - chunk.sent > 1.0 + STRAGGLER * self._seconds * len(chunk.ids)
-                and k in self._parameters  # not of an earlier generation, done twice and forgotten
-                and k not in self._outcomes
-            ]
-            if late and self._seconds:
-                self._send(helper, sorted(set(late)))
+        late = {
+            k
+            for worker in self._workers.values()
+            for k in worker.late(now, self._seconds)
+            if k in self._parameters  # not of an earlier generation, done twice and forgotten
+            and k not in self._outcomes
+        }
+        for i, helper in enumerate(idle):
+            share = sorted(late)[i :: len(idle)]
+            if share and self._seconds:
+                self._send(helper, share)
 
     def _send(self, worker: Worker, ids: list[int]) -> None:
         job = self._job
@@ -277,7 +269,7 @@ class EvaluatorPool:
         except PgaError as error:
             self._refuse(worker, chunk, str(error))
             return
-        worker.refusals = 0
+        worker.refusals = worker.given_up = 0
         for i, k in enumerate(chunk.ids):
             outcome = Outcome(
                 float(out.fitness[i]),

@@ -9,6 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 from rclpy.client import Client
 
+LOST = 10.0
+"""Seconds without a finished evaluation after which a request to a living evaluator first counts as lost on the way."""
+
+STRAGGLER = 3.0
+"""How many times the expected time a chunk may take before idle evaluators do it too."""
+
 
 @dataclass(frozen=True)
 class Outcome:
@@ -48,6 +54,7 @@ class Worker:
         done: Evaluations that it had finished by then.
         progress: Time at which that number last grew.
         refusals: How often in a row it refused what it was asked for.
+        given_up: How often in a row requests to it were taken for lost.
         chunks: What it was asked for and has not answered.
     """
 
@@ -58,7 +65,29 @@ class Worker:
     done: int
     progress: float
     refusals: int = 0
+    given_up: int = 0
     chunks: list[Chunk] = field(default_factory=list)
+
+    def overdue(self, now: float, seconds: float) -> list[Chunk]:
+        """Return the chunks that must have been lost on the way.
+
+        Patience doubles each time: where one episode takes longer, an evaluator must not drown in repeated requests.
+
+        Args:
+            now: Time on the monotonic clock.
+            seconds: Mean time per evaluation, 0 while unknown.
+        """
+        patience = max(LOST * 2**self.given_up, 20.0 * seconds)
+        return [c for c in self.chunks if now - max(c.sent, self.progress) > patience]
+
+    def late(self, now: float, seconds: float) -> list[int]:
+        """Return the evaluations of chunks that take far longer than expected; arguments as in `overdue`."""
+        return [
+            k
+            for chunk in self.chunks
+            if now - chunk.sent > 1.0 + STRAGGLER * seconds * len(chunk.ids)
+            for k in chunk.ids
+        ]
 
 
 @dataclass(frozen=True)
