@@ -30,6 +30,9 @@ from pga_me_ros.tasks.rollout import Episode
 
 LAYOUT = "for each layer: weight (out, in) row by row, then bias (out)"
 
+PURE_NUMBER = "1"
+"""Unit of what has none, in messages; a task's spec leaves it empty."""
+
 
 def flat(values: Any, typecode: str) -> array.array[Any]:
     """Return numbers as the array type that rclpy copies in one piece.
@@ -225,9 +228,9 @@ def controller_to_msg(
     msg.activations = ["relu"] * (len(shape.sizes) - 2) + ["tanh"]
     msg.parameters = flat(parameters, "f")
     msg.observation_names = list(spec.observation_names)
-    msg.observation_units = list(spec.observation_units)
+    msg.observation_units = [unit or PURE_NUMBER for unit in spec.observation_units]
     msg.action_names = list(spec.action_names)
-    msg.action_units = list(spec.action_units)
+    msg.action_units = [unit or PURE_NUMBER for unit in spec.action_units]
     msg.action_low = flat(spec.action_low, "d")
     msg.action_high = flat(spec.action_high, "d")
     return msg

@@ -163,6 +163,14 @@ def test_an_archive_without_generations_has_metrics_too() -> None:
     assert math.isnan(msg.max_fitness)
 
 
+def test_a_controller_names_the_unit_of_every_number() -> None:
+    shape = MlpShape((SPEC.observation_dim, 4, SPEC.action_dim))
+    parameters = random_parameters(shape, np.random.default_rng(0))
+    msg = convert.controller_to_msg(parameters, shape, SPEC)
+    assert msg.observation_units[:3] == ["m above start", "1", "1"]
+    assert list(msg.action_units) == ["75 N·m"] * 3
+
+
 def test_a_picture_keeps_its_pixels_and_rows() -> None:
     rgb = RNG.integers(0, 256, (4, 5, 3), np.uint8)
     msg = convert.image_to_msg(rgb, Time(sec=7))
