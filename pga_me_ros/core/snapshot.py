@@ -25,7 +25,7 @@ class Snapshot:
             place in the batch.
         transitions: Transitions in the replay buffer that it was trained on.
         critic_loss: Mean over the steps of both critics' mean squared errors.
-        mean_q: Mean value that the first critic gave the last batch.
+        mean_q: Mean over the steps of the values that the first critic gave their batches.
     """
 
     generation: int
