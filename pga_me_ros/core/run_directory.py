@@ -78,6 +78,7 @@ def open_run(path: Path, spec: TaskSpec, settings: Settings) -> RunDirectory:
     lock = FileLock(path / LOCK, wait=ORPHAN_WAIT)
     try:
         if not (path / REPERTOIRE).exists():
+            _require_no_leftovers(path)
             _create(path / REPERTOIRE, spec, settings)
         return _resume(path, spec, settings, lock)
     except BaseException:
@@ -97,6 +98,16 @@ def _make(path: Path) -> None:
         raise StorageError(
             f"The folder '{path}' cannot be written to; give run_dir another folder or "
             "change its permissions."
+        )
+
+
+def _require_no_leftovers(path: Path) -> None:
+    """Make sure that no critics or experience of another run could be taken for those of a new one."""
+    left = sorted([*path.glob("critic-*.ckpt"), *path.glob("experience/experience-*.ckpt")])
+    if left:
+        raise StorageError(
+            f"The folder '{path}' holds '{left[0].relative_to(path)}' of a run whose {REPERTOIRE} is "
+            "missing; restore that, or choose another run_dir for a new run."
         )
 
 

@@ -122,6 +122,15 @@ def test_a_damaged_repertoire_is_refused_and_nothing_is_changed(tmp_path: Path) 
     assert content(tmp_path) == before
 
 
+@pytest.mark.parametrize("left", ["critic-00000005.ckpt", "experience/experience-00000003.ckpt"])
+def test_what_is_left_of_a_run_without_its_repertoire_is_refused(tmp_path: Path, left: str) -> None:
+    (tmp_path / left).parent.mkdir(exist_ok=True)
+    (tmp_path / left).touch()
+    with pytest.raises(StorageError, match=f"holds '{left}' of a run whose repertoire.db is miss"):
+        start(tmp_path)
+    assert not (tmp_path / "repertoire.db").exists()
+
+
 def test_a_directory_in_use_is_refused_with_the_process_that_uses_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
