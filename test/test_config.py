@@ -55,8 +55,7 @@ def test_the_orchestrator_takes_the_paper_from_it(context: Context) -> None:
     )
     settings, options = declare_run(node, RunOptions)
     node.destroy_node()
-    spec = task_spec(settings.task)
-    assert settings == Settings(task=spec.name, cells=spec.archive_cells)
+    assert settings == Settings(task=task_spec(settings.task).name)
     assert RunOptions(**options) == RunOptions()
 
 
