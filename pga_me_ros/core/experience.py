@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pga_me_ros.core.checkpoint import load_checkpoint, save_checkpoint
 from pga_me_ros.core.errors import RequestError, StorageError
@@ -64,6 +65,22 @@ class Experience:
         """
         staged = self._staged.get(generation, {})
         return [k for k in evaluation_ids(self._settings, generation) if k not in staged]
+
+    def drop_others(self, generation: int, fitness: NDArray[np.float64]) -> None:
+        """Drop episodes that are not those of a generation's evaluations.
+
+        An evaluator that outlives a killed orchestrator may go on with a generation that is then done again with other
+        rates; its episodes have the same ids, but another fitness.
+
+        Args:
+            generation: The generation.
+            fitness: (b,) float64 fitness of its evaluations, in order.
+        """
+        staged = self._staged.get(generation, {})
+        ids = evaluation_ids(self._settings, generation)
+        for evaluation, expected in zip(ids, fitness.tolist(), strict=True):
+            if evaluation in staged and staged[evaluation].fitness != expected:
+                del staged[evaluation]
 
     def store(self, generation: int) -> None:
         """Write a complete generation to its file and drop what is too old to matter.

@@ -97,6 +97,7 @@ class CriticSide:
     def store(self, generation: int, ids: Sequence[int]) -> None:
         """Have a generation's experience stored; repeat evaluations whose episodes did not arrive."""
         request = StoreExperience.Request(run_id=self._run_id, generation=generation)
+        request.fitness = flat([o.fitness for o in self._pool.outcomes(ids)], "d")
         while True:
             response = call(self._waiter, self._clients.store_experience, request)
             if response.accepted:

@@ -60,6 +60,8 @@ class CriticTrainerNode(GraphNode):
 
     def _store(self, request: StoreExperience.Request, response: StoreExperience.Response) -> None:
         self.check_run(request.run_id, self._run_id)
+        fitness = shaped(request.fitness, (self._settings.batch_size,), np.float64, "fitness")
+        self._learner.experience.drop_others(request.generation, fitness)
         missing = self._learner.experience.missing(request.generation)
         if missing:
             response.accepted = False

@@ -62,6 +62,18 @@ def test_a_duplicate_is_dropped(tmp_path):
     assert bits(experience.episodes(0)[1]) == bits(episode(1))
 
 
+def test_an_episode_of_another_evaluation_with_the_same_id_is_dropped(tmp_path):
+    experience = Experience(tmp_path, SMALL)
+    fitness = np.array([episode(k).fitness for k in range(4)])
+    for k in range(4):
+        experience.stage(0, k, episode(9 if k == 2 else k))
+    experience.drop_others(0, fitness)
+    assert experience.missing(0) == [2]
+    experience.stage(0, 2, episode(2))
+    experience.drop_others(0, fitness)
+    assert [bits(e) for e in experience.episodes(0)] == [bits(episode(k)) for k in range(4)]
+
+
 def test_what_has_not_arrived_is_named(tmp_path):
     experience = Experience(tmp_path, SMALL)
     for k in (8, 10):

@@ -107,7 +107,13 @@ def test_the_trainer_names_missing_episodes_and_drops_duplicates(
         writer.publish(msg)
 
     def store() -> Any:
-        return probe.call(StoreExperience, names.STORE_EXPERIENCE, run_id="a run", generation=0)
+        return probe.call(
+            StoreExperience,
+            names.STORE_EXPERIENCE,
+            run_id="a run",
+            generation=0,
+            fitness=[e.fitness for e in episodes],
+        )
 
     assert list(store().missing) == list(range(10))
     wait_until(lambda: writer.get_subscription_count() > 0, "the trainer's subscription")
