@@ -36,7 +36,7 @@ class TextbookTd3:
         """Make the networks, and the arrays from the rows of a replay buffer."""
         obs, act = spec.observation_dim, spec.action_dim
         self.settings = settings
-        rows = replay.contents()
+        rows = replay.rows(np.arange(len(replay)))
         columns = np.cumsum([obs, act, obs, 1])
         self.data = [torch.from_numpy(a.copy()) for a in np.split(rows, columns, axis=1)]
         actor_sizes = (obs, *settings.controller_hidden, act)

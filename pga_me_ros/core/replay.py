@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from pga_me_ros.core.errors import PgaError, StorageError
+from pga_me_ros.core.errors import PgaError
 
 Rows = NDArray[np.float32]
 Indices = NDArray[np.int64]
@@ -32,7 +32,6 @@ class ReplayBuffer:
         self.obs_dim = obs_dim
         self.act_dim = act_dim
         self.width = 2 * obs_dim + act_dim + 2
-        self.total_added = 0
         try:
             self._ring = np.empty((capacity, self.width), np.float32)
         except MemoryError as error:
@@ -89,7 +88,6 @@ class ReplayBuffer:
         if terminated and steps and (max_steps is None or steps < max_steps):
             rows[-1, -1] = 0.0
         self._append(rows)
-        self.total_added += steps
 
     def _append(self, rows: Rows) -> None:
         rows = rows[-self.capacity :]
@@ -139,30 +137,3 @@ class ReplayBuffer:
         """
         rows = self.rows(self.sample_indices(rng, n_batches * n))
         return np.ascontiguousarray(rows[:, : self.obs_dim]).reshape(n_batches, n, self.obs_dim)
-
-    def contents(self) -> Rows:
-        """Return all rows, oldest first: (len, width) float32, a copy fit for `restore`."""
-        first = self._ring[self._oldest : self._oldest + self._size]
-        return np.concatenate((first, self._ring[: self._size - len(first)]))
-
-    def restore(self, rows: Rows, total_added: int) -> None:
-        """Replace the contents with those of a saved buffer.
-
-        Args:
-            rows: (n, width) float32, oldest first.
-            total_added: Transitions ever added to the saved buffer.
-
-        Raises:
-            StorageError: The rows are of another robot, or more than the buffer holds.
-        """
-        fits = rows.ndim == 2 and rows.shape[1] == self.width and len(rows) <= self.capacity
-        if not fits or rows.dtype != np.float32 or total_added < len(rows):
-            raise StorageError(
-                f"Saved replay rows are {rows.dtype} {rows.shape} of {total_added} ever added; "
-                f"this buffer holds at most {self.capacity} float32 rows of {self.width} numbers. "
-                "Resume with the task and replay_size that the run was started with."
-            )
-        self._ring[: len(rows)] = rows
-        self._oldest = 0
-        self._size = len(rows)
-        self.total_added = int(total_added)

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import os
+import socket
+import time
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from pga_me_msgs.msg import Metrics as MetricsMsg
+from pga_me_msgs.msg import NodeStatus
 from pga_me_msgs.srv import AddToArchive, SampleParents
 
 from pga_me_ros.core.elites import NO_PARENT, Operator, Solutions, Status
-from pga_me_ros.core.errors import RequestError, SettingsError, StorageError
+from pga_me_ros.core.errors import PgaError, RequestError, SettingsError, StorageError
 from pga_me_ros.core.metrics import Metrics, generation_metrics
 from pga_me_ros.core.schedule import evaluation_ids, sample_parents
 from pga_me_ros.core.setting_field import setting
@@ -35,6 +39,10 @@ from pga_me_ros.ros.process import run_node
 
 STATUS = {status: getattr(AddToArchive.Request, status.name) for status in Status}
 """What became of a solution, as the message numbers it."""
+
+
+ELDER = 2.0
+"""Seconds after the start: a namesake that is heard within them was there before."""
 
 
 @dataclass(frozen=True)
@@ -72,8 +80,25 @@ class ArchiveManager(GraphNode):
         if self._grow:
             self.serve(AddToArchive, names.ADD_TO_ARCHIVE, self._add)
             self.serve(SampleParents, names.SAMPLE_PARENTS, self._sample)
+        else:
+            self._since = time.monotonic()
+            self.create_subscription(NodeStatus, names.STATUS, self._make_way, qos.STATUS)
         self._show()
         self.start_heartbeat(run_id=self._info.run_id, task=self._info.task["name"])
+
+    def _make_way(self, msg: NodeStatus) -> None:
+        """Leave the name to an archive manager that was there before; a run's own is never disturbed.
+
+        Raises:
+            PgaError: One is there.
+        """
+        ours = (socket.gethostname(), os.getpid())
+        was_there = time.monotonic() - self._since < ELDER
+        if msg.kind == "archive_manager" and (msg.host, msg.pid) != ours and was_there:
+            raise PgaError(
+                f"The name {msg.node} is taken in this ROS domain by process {msg.pid} on {msg.host}. Stop that node, "
+                "or give this one a namespace (--ros-args -r __ns:=/NAME) or another ROS_DOMAIN_ID."
+            )
 
     @property
     def _last_generation(self) -> int:

@@ -23,6 +23,9 @@ from pga_me_ros.ros.convert import flat, rates_to_msg, snapshot_from_msg
 ARRIVAL = 1.0
 """Seconds that episodes get to arrive after their evaluation was answered, before they are fetched again."""
 
+ROUNDS = 10
+"""Attempts to get the experience of a generation together."""
+
 REMINDER = 0.2
 """Seconds between two requests for a snapshot that a node still waits for."""
 
@@ -97,8 +100,8 @@ class CriticSide:
     def store(self, generation: int, ids: Sequence[int]) -> None:
         """Have a generation's experience stored; repeat evaluations whose episodes did not arrive."""
         request = StoreExperience.Request(run_id=self._run_id, generation=generation)
-        request.fitness = flat([o.fitness for o in self._pool.outcomes(ids)], "d")
-        while True:
+        for _ in range(ROUNDS):
+            request.fitness = flat([o.fitness for o in self._pool.outcomes(ids)], "d")
             response = call(self._waiter, self._clients.store_experience, request)
             if response.accepted:
                 return
@@ -115,6 +118,11 @@ class CriticSide:
             self.reevaluations += len(missing)
             self._pool.repeat(missing)
             self._waiter.until(lambda: self._pool.done(missing))  # noqa: B023
+        raise PgaError(
+            f"The experience of evaluations {missing} did not arrive in {ROUNDS} attempts. Either the critic trainer "
+            "does not hear the evaluators (is their network up?), or an evaluation gives another fitness each time: "
+            f"check the task with python -m pga_me_ros.tasks.check {self._settings.task}"
+        )
 
     def _after_a_while(self, request: StoreExperience.Request) -> StoreExperience.Response:
         """Ask again for a while: the last episodes may still be on their way."""

@@ -38,6 +38,7 @@ def run_node(program: Program, make: Callable[[], Node], args: list[str] | None 
         Exit code: 0 after a shutdown, 2 for bad input, 1 for a fault.
     """
     node: Node | None = None
+    running = False
     try:
         if not start(program, args):
             return 0
@@ -45,11 +46,12 @@ def run_node(program: Program, make: Callable[[], Node], args: list[str] | None 
         node = make()
         executor = SingleThreadedExecutor()
         executor.add_node(node)
+        running = True
         executor.spin()
     except (KeyboardInterrupt, ExternalShutdownException):
         return 0
     except Exception as error:
-        return report(error)
+        return report(error, starting=not running)
     finally:
         if node is not None:
             node.destroy_node()
@@ -57,12 +59,17 @@ def run_node(program: Program, make: Callable[[], Node], args: list[str] | None 
     return 0
 
 
-def report(error: Exception) -> int:
-    """Print an error as a person wants to read it and return the exit code that goes with it."""
+def report(error: Exception, *, starting: bool = True) -> int:
+    """Print an error as a person wants to read it and return the exit code that goes with it.
+
+    Args:
+        error: The error.
+        starting: Whether the node was still starting, when an error of ROS comes from what the user gave.
+    """
     if isinstance(error, PgaError):
         print(f"error: {error}", file=sys.stderr, flush=True)
         return EXIT_BAD_INPUT
-    if isinstance(error, RCLError):
+    if starting and isinstance(error, RCLError):
         reason = " ".join(str(error).split())
         print(f"error: ROS 2 could not start: {reason}", file=sys.stderr, flush=True)
         return EXIT_BAD_INPUT

@@ -194,3 +194,13 @@ def test_a_foreign_archive_manager_keeps_a_run_from_starting(graph: Graph, tmp_p
     words = refused_run(graph, tmp_path / "run")
     assert f"The name /archive_manager (process {foreign.process.pid} on" in words
     assert foreign.process.poll() is None
+
+
+def test_a_run_keeps_a_second_archive_manager_from_serving(graph: Graph, tmp_path: Path) -> None:
+    run = graph.run(tmp_path / "run", **ONE_GENERATION, serve=True)
+    run.wait_for_output("serving it")
+    repertoire = make_run(tmp_path / "old")
+    words = refusal(graph, "archive_manager", *ros_arguments({"repertoire": repertoire}))
+    holder = children(tmp_path / "run")["archive_manager"]
+    assert f"The name /archive_manager is taken in this ROS domain by process {holder} on" in words
+    assert run.process.poll() is None
