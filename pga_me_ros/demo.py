@@ -81,7 +81,10 @@ def find_config(given: str) -> Path:
     path = Path(given)
     if path.is_file():
         return path
-    known = {p.stem: p for folder in _config_folders() for p in sorted(folder.glob("*.yaml"))}
+    known: dict[str, Path] = {}
+    for folder in _config_folders():  # the first folder that has it counts
+        for file in sorted(folder.glob("*.yaml")):
+            known.setdefault(file.stem, file)
     if path.stem in known and not path.is_absolute():
         return known[path.stem]
     raise SettingsError(

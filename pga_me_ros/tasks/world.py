@@ -59,6 +59,9 @@ class World:
         """
         pybullet, client, robot = self._pybullet, self.client, self.robot
         pybullet.restoreState(self._start, physicsClientId=client)
+        # Restoring leaves the contact points of the last episode in the engine's caches, and some would still push in
+        # the first steps. In the restored pose nothing touches, so looking for contacts there removes them all.
+        pybullet.performCollisionDetection(client)
         for joint, position in zip(self.joints, positions, strict=True):
             pybullet.resetJointState(robot, joint, position, 0.0, client)
 

@@ -118,7 +118,10 @@ def prefix(tmp_path_factory: pytest.TempPathFactory) -> Installation:
     """Return a prefix that pip installed pga_me_ros into."""
     folder = tmp_path_factory.mktemp("pip")
     checkout, prefix = copy_of_checkout(folder), folder / "prefix"
-    run(f"python -m pip install -q --no-deps --no-build-isolation --prefix {prefix} .", checkout)
+    run(
+        f"python -m pip install -q --ignore-installed --no-deps --no-build-isolation --prefix {prefix} .",
+        checkout,
+    )
     site = prefix / "lib" / f"python{sys.version_info.major}.{sys.version_info.minor}"
     before = (
         f". {sys.prefix}/setup.bash; export PYTHONPATH={site}/site-packages "

@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pybullet
 import pytest
 
+from pga_me_ros.core.policy import Controller, MlpShape
+from pga_me_ros.core.schedule import evaluation_rng
+from pga_me_ros.tasks.locomotion import QDWalker
 from pga_me_ros.tasks.protocol import NonFiniteActionError
 from pga_me_ros.tasks.registry import BUILT_IN, load_task
 from pga_me_ros.tasks.rollout import Episode, rollout
+
+DATA = Path(__file__).parent / "data"
 
 
 @pytest.fixture(params=list(BUILT_IN))
@@ -107,3 +113,17 @@ def test_world_that_left_the_numbers_is_built_anew(task: Any) -> None:
         terminated = terminated or task.step(np.zeros(task.spec.action_dim, np.float32))[2]
     assert terminated
     assert_same(first, episode(task, 1))
+
+
+def test_contacts_of_the_last_episode_do_not_push_in_the_next():
+    with np.load(DATA / "walker_leftover_contacts.npz") as stored:
+        shape = MlpShape(tuple(stored["sizes"].tolist()))
+        first, second = (Controller(shape, stored[name]) for name in ("first", "second"))
+    used, fresh = QDWalker(), QDWalker()
+    rollout(
+        used, first, evaluation_rng(0, 19)
+    )  # falls with a foot where the next episode puts it down
+    episodes = [rollout(task, second, evaluation_rng(0, 23)) for task in (used, fresh)]
+    used.close()
+    fresh.close()
+    assert episodes[0].states.tobytes() == episodes[1].states.tobytes()
