@@ -29,7 +29,7 @@ class Robot(Node):
 
     def act(self, observation: Float32MultiArray) -> None:
         """Answer an observation with an action."""
-        if self.behavior:
+        if self.behavior and self.context.ok():
             action = self.behavior.controller(observation.data)
             self.actions.publish(Float32MultiArray(data=action.tolist()))
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from rclpy.node import Node
 
-LISTEN = 1.0
-"""Seconds in which a living namesake is heard; all nodes of the graph give a sign of life every second."""
+LISTEN = 1.5
+"""Seconds in which a living namesake is heard; all nodes of the graph give a sign of life every second, and discovery
+takes a while."""
 
 LISTEN_ON = 5.0
 """Seconds to listen when the graph has the name more than once: discovery is slow, or a namesake was killed lately."""

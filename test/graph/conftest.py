@@ -9,6 +9,20 @@ import pytest
 from domain_coordinator import domain_id
 from graph import Graph, Probe
 
+EXACT = ("test_determinism", "test_recovery")
+"""Tests of what must hold every single time."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Give tests of processes a second chance: a machine that stalls can pass any deadline, and discovery has none.
+
+    Not where the result of a run is at stake: a wrong repertoire fails at once.
+    """
+    here = Path(__file__).parent
+    for item in items:
+        if here in item.path.parents and item.path.stem not in EXACT:
+            item.add_marker(pytest.mark.flaky(reruns=2))
+
 
 @pytest.fixture
 def graph(tmp_path: Path) -> Iterator[Graph]:

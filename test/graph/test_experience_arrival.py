@@ -132,7 +132,8 @@ def test_the_trainer_names_missing_episodes_and_drops_duplicates(
 def test_lost_experience_is_fetched_again(graph: Graph, probe: Probe, tmp_path: Path) -> None:
     heard = probe.listen(Progress, names.PROGRESS, qos.LATCHED)
     episodes = probe.listen(Transitions, names.TRANSITIONS, qos.EXPERIENCE_READER)
-    run_dir, parameters = tmp_path / "run", {"evaluations": 60, "batch_size": 20}
+    # Long enough that the run is still under way when the trainer is killed in its second generation.
+    run_dir, parameters = tmp_path / "run", {"evaluations": 300, "batch_size": 20}
     run = graph.run(run_dir, **parameters)
     # The trainer forgets what has arrived of a generation that is under way.
     wait_until(lambda: any(msg.generation == 1 for msg in episodes), "the second generation")
