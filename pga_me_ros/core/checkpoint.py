@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pga_me_ros.core.errors import StorageError
+from pga_me_ros.core.folders import sync_folder
 
 Array = NDArray[Any]
 
@@ -51,7 +52,7 @@ def save_checkpoint(path: str | Path, arrays: Mapping[str, Array], meta: Mapping
             file.flush()
             os.fsync(file.fileno())
         os.replace(temporary, path)
-        _sync_folder(path.parent)
+        sync_folder(path.parent)
     except OSError as error:
         temporary.unlink(missing_ok=True)
         raise StorageError(
@@ -147,12 +148,3 @@ def _read(path: Path) -> bytearray:
 
 def _aligned(position: int) -> int:
     return -(-position // ALIGNMENT) * ALIGNMENT
-
-
-def _sync_folder(folder: Path) -> None:
-    """Make the renaming itself survive a power cut."""
-    descriptor = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)

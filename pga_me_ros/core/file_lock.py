@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import fcntl
 import os
 import socket
@@ -30,7 +31,7 @@ class FileLock:
 
     Raises:
         LockedError: Another process (or another part of this one) holds the lock.
-        StorageError: The file cannot be made.
+        StorageError: The file cannot be made, or its file system knows no locks.
     """
 
     def __init__(self, path: Path, wait: float = 0.0) -> None:
@@ -43,16 +44,21 @@ class FileLock:
             ) from None
         try:
             self._take(time.monotonic() + wait)
-        except OSError as error:
+        except BlockingIOError:
             holder = os.pread(self._fd, 200, 0).decode(errors="replace").strip() or "unknown"
             os.close(self._fd)
             raise LockedError(
                 f"'{path.name.removesuffix('.lock')}' in '{path.parent}' is being written by "
-                f"another process ({holder}; {error.strerror}). Stop that one first, or choose "
-                "another run_dir."
+                f"another process ({holder}). Stop that one first, or choose another run_dir."
             ) from None
-        os.ftruncate(self._fd, 0)
-        os.pwrite(self._fd, f"pid {os.getpid()} on {socket.gethostname()}\n".encode(), 0)
+        except OSError as error:  # a file system that knows no locks
+            os.close(self._fd)
+            raise StorageError(
+                f"Cannot lock '{path}' ({error.strerror}); choose a run_dir on another file system."
+            ) from None
+        with contextlib.suppress(OSError):  # on a full disk the holder goes without a name
+            os.ftruncate(self._fd, 0)
+            os.pwrite(self._fd, f"pid {os.getpid()} on {socket.gethostname()}\n".encode(), 0)
 
     def fileno(self) -> int:
         """Return the file descriptor, for children to inherit."""

@@ -6,6 +6,7 @@ import re
 from pathlib import Path
 
 from pga_me_ros.core.errors import StorageError
+from pga_me_ros.core.folders import make_folder
 
 
 class GenerationFiles:
@@ -16,20 +17,14 @@ class GenerationFiles:
         stem: What the files' names begin with.
 
     Raises:
-        StorageError: The folder cannot be made.
+        StorageError: The folder cannot be made, or cannot be written to.
     """
 
     def __init__(self, directory: Path, stem: str) -> None:
         self.directory = directory
         self._stem = stem
         self._pattern = re.compile(re.escape(stem) + r"-(\d{8,})\.ckpt")
-        try:
-            directory.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise StorageError(
-                f"Cannot make the folder '{directory}' ({error.strerror}); choose a run_dir that "
-                "can be written to."
-            ) from None
+        make_folder(directory)
 
     def path(self, generation: int) -> Path:
         """Return the file of a generation, be it there or not."""

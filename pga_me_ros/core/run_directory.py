@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import uuid
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -11,6 +10,7 @@ from typing import Any
 
 from pga_me_ros.core.errors import StorageError
 from pga_me_ros.core.file_lock import FileLock
+from pga_me_ros.core.folders import make_folder
 from pga_me_ros.core.make_archive import make_archive
 from pga_me_ros.core.policy import controller_shape
 from pga_me_ros.core.run_info import RunInfo, library_versions
@@ -74,7 +74,7 @@ def open_run(path: Path, spec: TaskSpec, settings: Settings) -> RunDirectory:
         StorageError: The folder cannot be written, is in use, or holds another or a damaged run.
     """
     for folder in (path, *(path / name for name in FOLDERS)):
-        _make(folder)
+        make_folder(folder)
     lock = FileLock(path / LOCK, wait=ORPHAN_WAIT)
     try:
         if not (path / REPERTOIRE).exists():
@@ -84,21 +84,6 @@ def open_run(path: Path, spec: TaskSpec, settings: Settings) -> RunDirectory:
     except BaseException:
         lock.release()
         raise
-
-
-def _make(path: Path) -> None:
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise StorageError(
-            f"Cannot make the folder '{path}' ({error.strerror}); give run_dir a folder that "
-            "can be written to."
-        ) from None
-    if not os.access(path, os.W_OK | os.X_OK):
-        raise StorageError(
-            f"The folder '{path}' cannot be written to; give run_dir another folder or "
-            "change its permissions."
-        )
 
 
 def _require_no_leftovers(path: Path) -> None:

@@ -15,6 +15,7 @@ from pga_me_ros.core.archive import Archive
 from pga_me_ros.core.elites import Elite
 from pga_me_ros.core.errors import StorageError
 from pga_me_ros.core.file_lock import FileLock
+from pga_me_ros.core.folders import sync_folder
 from pga_me_ros.core.metrics import Metrics
 from pga_me_ros.core.run_info import SCHEMA_VERSION, RunInfo
 from pga_me_ros.core.storage_file import connect, create_file, explained
@@ -284,8 +285,4 @@ def _create(path: Path, info: RunInfo, archive: Archive) -> None:
     finally:
         connection.close()
     os.replace(new, path)
-    folder = os.open(path.parent, os.O_RDONLY)
-    try:
-        os.fsync(folder)
-    finally:
-        os.close(folder)
+    sync_folder(path.parent)
