@@ -1,12 +1,14 @@
 # Every target sets up what is missing first; a set-up that is up to date costs a fraction of a second.
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help setup messages run test lint bench clean
+.PHONY: help setup messages run test lint bench soak chaos clean
 
 # Settings for the command line:
 PYTHON ?=
 TASK ?= qd_walker
 ARGS ?=
+
+BENCHES := rollout reset critic pg_variation graph archive scaling
 
 SETUP := PYTHON="$(PYTHON)" scripts/setup.sh
 IN_VENV := . .venv/setup.bash &&
@@ -33,7 +35,13 @@ lint: setup ## Run only the checks of style and types
 	@$(IN_VENV) exec python -m pytest -q test/packaging/test_lint.py
 
 bench: setup ## Run the benchmarks
-	@$(IN_VENV) for bench in bench/[a-z]*.py; do echo "== $$bench"; python "$$bench" $(ARGS) || exit 1; done
+	@$(IN_VENV) for name in $(BENCHES); do echo "== $$name"; python "bench/$$name.py" $(ARGS) || exit 1; done
+
+soak: setup ## Watch the memory of a run of 1,000 generations (an hour)
+	@$(IN_VENV) exec python bench/soak.py $(ARGS)
+
+chaos: setup ## Kill a run's processes at random moments, for minutes, and compare what it ends with
+	@$(IN_VENV) exec python bench/chaos.py $(ARGS)
 
 clean: ## Remove what set-up, builds and tools left, but no run directory
 	rm -rf .venv build install log dist *.egg-info .hypothesis .mypy_cache .pytest_cache .ruff_cache

@@ -4,8 +4,9 @@ Run: `.venv/bin/python bench/graph.py [--rounds 2] [--part early|late]`; the las
 generations of the same seed in turn (A B A B ...), and must end with the same repertoire, bit for bit. `early` is
 QDWalker with its short first episodes, `late` QDHalfCheetah with 1000 steps in each.
 
-The share of time is core time: what each process used of the cores while the compared generations were done. What no
-process used is waiting.
+The shares are of the core time of the graph's generations. Physics, the Python around it, critic training, PG variation
+and the archive take what they take in one process, where calls are timed. What no process used is waiting. What the
+graph's processes used beyond all that is messages: serialising, copying, storing experience, waking up.
 """
 
 from __future__ import annotations
@@ -16,25 +17,30 @@ import os
 import signal
 import statistics
 import subprocess
-import sys
 import tempfile
 import time
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+import matplotlib as mpl
+import numpy as np
+import pybullet
 from _measure import spread
+from _processes import core_seconds, start_run
 from _run_times import committed
+from _stopwatch import Stopwatch
 
+from pga_me_ros.core import search as core_search
 from pga_me_ros.core.search import Search
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.core.storage import Repertoire
 from pga_me_ros.tasks.registry import load_task
 
 CORES = 2
-TICKS = os.sysconf("SC_CLK_TCK")
 
 
 @dataclass(frozen=True)
@@ -55,10 +61,16 @@ PARTS = {
 
 @dataclass(frozen=True)
 class Measured:
-    """Seconds per compared generation, core seconds per kind of process meanwhile, and the result."""
+    """What the compared generations cost, and what came out.
+
+    Attributes:
+        seconds: Time of each.
+        cores: Core seconds of all, by part of the work in one process, by kind of process in the graph.
+        digest: Digest of the repertoire.
+    """
 
     seconds: list[float]
-    cpu: dict[str, float]
+    cores: dict[str, float]
     digest: str
 
 
@@ -76,13 +88,24 @@ def run_search(part: Part, seed: int) -> Measured:
     """Do the generations in this process."""
     task = load_task(part.task)()
     search = Search(task.spec, settings_of(part, seed))
+    watch = Stopwatch()
     seconds = []
-    for _ in range(part.generations):
-        start = time.perf_counter()
-        search.run_generation(task)
-        seconds.append(time.perf_counter() - start)
+    with watch.timing(
+        (pybullet, "stepSimulation", "physics"),
+        (core_search, "rollout", "Python around physics"),
+        (search.learner, "train", "critic"),
+        (core_search, "pg_variation", "PG variation"),
+        (core_search, "sample_parents", "archive"),
+        (search.archive, "add", "archive"),
+    ):
+        for generation in range(part.generations):
+            if generation == part.skipped:
+                watch.clear()
+            start = time.perf_counter()
+            search.run_generation(task)
+            seconds.append(time.perf_counter() - start)
     task.close()
-    return Measured(seconds[part.skipped :], {}, search.archive.digest())
+    return Measured(seconds[part.skipped :], watch.seconds, search.archive.digest())
 
 
 def run_graph(part: Part, seed: int) -> Measured:
@@ -96,12 +119,8 @@ def run_graph(part: Part, seed: int) -> Measured:
             "evaluations": settings.evaluations,
             "evaluators": CORES,
             "serve": "false",
-            "run_dir": folder,
         }
-        command = [sys.executable, "-m", "pga_me_ros.nodes.orchestrator", "--ros-args"]
-        for name, value in values.items():
-            command += ["-p", f"{name}:={value}"]
-        process = subprocess.Popen(command, stdout=subprocess.DEVNULL)
+        process = start_run(folder, values)
         try:
             file = Path(folder) / "repertoire.db"
             wait_for_generation(process, file, part.skipped - 1)
@@ -125,35 +144,24 @@ def wait_for_generation(process: subprocess.Popen[bytes], file: Path, generation
     while len(committed(file)) <= generation:
         if process.poll() not in (None, 0):
             raise SystemExit(f"the orchestrator ended with {process.returncode}")
-        time.sleep(0.02)
+        time.sleep(0.1)
 
 
-def core_seconds(orchestrator: int) -> dict[str, float]:
-    """Return the core seconds that each kind of process has used."""
-    out: dict[str, float] = {}
-    for pid in [orchestrator, *children_of(orchestrator)]:
-        try:
-            stat = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()
-            arguments = Path(f"/proc/{pid}/cmdline").read_bytes().decode().split("\0")
-        except OSError:
-            continue
-        kind = next(a for a in arguments if a.startswith("pga_me_ros.nodes.")).split(".")[-1]
-        out[kind] = out.get(kind, 0.0) + (int(stat[11]) + int(stat[12])) / TICKS
-    return out
+def shares(alone: Measured, graph: Measured) -> dict[str, float]:
+    """Divide the core time of the graph's generations between the parts of the work."""
+    available = CORES * sum(graph.seconds)
+    used = sum(graph.cores.values())
+    parts = {
+        **alone.cores,
+        "messages": used - sum(alone.cores.values()),
+        "waiting": available - used,
+    }
+    return {part: seconds / available for part, seconds in parts.items()}
 
 
-def children_of(pid: int) -> list[int]:
-    """Return the process ids of a process's children."""
-    return [
-        int(child)
-        for task in Path(f"/proc/{pid}/task").iterdir()
-        for child in (task / "children").read_text().split()
-    ]
-
-
-def measure(name: str, part: Part, rounds: int) -> dict[str, object]:
+def measure(name: str, part: Part, rounds: int) -> dict[str, Any]:
     """Compare one part; print and return its figures."""
-    ratios, shares = [], []
+    ratios, divided, times = [], [], []
     for seed in range(1, rounds + 1):
         alone, graph = run_search(part, seed), run_graph(part, seed)
         if alone.digest != graph.digest:
@@ -161,22 +169,43 @@ def measure(name: str, part: Part, rounds: int) -> dict[str, object]:
                 f"{name}, seed {seed}: the graph's repertoire differs from the search's"
             )
         ratios.append(sum(graph.seconds) / sum(alone.seconds))
-        available = CORES * sum(graph.seconds)
-        share = {kind: used / available for kind, used in graph.cpu.items()}
-        share["waiting"] = 1.0 - sum(share.values())
-        shares.append(share)
+        divided.append(shares(alone, graph))
+        times.append(statistics.mean(graph.seconds))
         print(
-            f"{name} seed {seed}: one process {sum(alone.seconds):.1f} s, graph {sum(graph.seconds):.1f} s"
+            f"{name} seed {seed}: one process {sum(alone.seconds):.1f} s, graph {sum(graph.seconds):.1f} s; "
+            f"core seconds by process { ({k: round(v, 1) for k, v in graph.cores.items()}) }",
+            flush=True,
         )
-    figures: dict[str, object] = {
+    share = {k: round(statistics.median(d[k] for d in divided), 3) for k in divided[0]}
+    figures: dict[str, Any] = {
         "time_of_one_process": spread(ratios),
-        "share": {
-            kind: round(statistics.median(s.get(kind, 0.0) for s in shares), 3)
-            for kind in shares[0]
+        "share": share,
+        "core_seconds_per_generation": {
+            k: round(v * CORES * statistics.median(times), 3) for k, v in share.items()
         },
+        "overhead": round(share["messages"] + share["waiting"] + share["archive"], 3),
     }
-    print(f"{name}: {figures}")
+    print(f"{name}: {figures}", flush=True)
     return figures
+
+
+def draw(file: Path, figures: dict[str, dict[str, Any]]) -> None:
+    """Draw what the core time of a generation goes into, one bar per compared part of a run."""
+    mpl.use("Agg")
+    from matplotlib import pyplot as plt
+
+    parts = list(next(iter(figures.values()))["share"])
+    colors = plt.get_cmap("cividis")(np.linspace(0, 1, len(parts)))
+    figure, axes = plt.subplots(figsize=(8, 1.2 + 0.7 * len(figures)), layout="constrained")
+    left = np.zeros(len(figures))
+    labels = [f"{name}\n{PARTS[name].task}" for name in figures]
+    for part, color in zip(parts, colors, strict=True):
+        widths = [100 * max(0.0, figure["share"][part]) for figure in figures.values()]
+        axes.barh(labels, widths, left=left, color=color, label=part)
+        left += widths
+    axes.set(xlabel=f"share of the time of {CORES} cores [%]", xlim=(0, 100))
+    axes.legend(ncols=4, loc="lower center", bbox_to_anchor=(0.5, 1.0), frameon=False)
+    figure.savefig(file, dpi=120)
 
 
 def main() -> None:
@@ -184,9 +213,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--rounds", type=int, default=2)
     parser.add_argument("--part", choices=PARTS, help="one part only")
+    parser.add_argument("--picture", type=Path, help="PNG to draw the shares into")
     arguments = parser.parse_args()
     chosen = [arguments.part] if arguments.part else list(PARTS)
     figures = {name: measure(name, PARTS[name], arguments.rounds) for name in chosen}
+    if arguments.picture:
+        draw(arguments.picture, figures)
     print(json.dumps({"bench": "graph", "figures": figures}))
 
 

@@ -1,0 +1,245 @@
+"""The long proof that a run survives its processes: kills and stops at random moments, and the same repertoire.
+
+Run: `make chaos`, or `.venv/bin/python bench/chaos.py [--seed 0] [--kills 24] [--task qd_walker] [--part NAME]`; the
+last line is JSON, the exit code 0 only if every part ended with the repertoire of `core.search`, bit for bit.
+
+- `children`: children are killed by SIGKILL, each kind in turn in a random order, at random moments of generations with
+  PG variation; often while others are still being restarted.
+- `everything`: the orchestrator is killed, alone (its children must leave by themselves) or together with all its
+  children, while it starts or works; the same command resumes.
+- `stopped`: children are stopped by SIGSTOP for longer than it takes to be missed, then go on as if nothing had been.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import shutil
+import signal
+import sys
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import numpy as np
+from _chaos_run import ChaosError, ChaosRun
+from domain_coordinator import domain_id
+
+from pga_me_ros.core.search import Search
+from pga_me_ros.core.settings import Settings
+from pga_me_ros.tasks.registry import load_task
+
+NAMES = ("evaluator_0", "evaluator_1", "critic_trainer", "variation", "archive_manager")
+
+BATCH = 20
+INIT_GENERATIONS = 2
+QUIET_GENERATIONS = 2
+"""Generations at the end in which nothing is done to the run."""
+
+KILLS_PER_GENERATION = 1.6
+"""More than one, so that a node is also killed while others are being restarted."""
+
+WITHIN = 1.5
+"""Seconds after the end of a generation within which something is killed: some generations' worth."""
+
+START = 12.0
+"""Seconds from the start of a resumed run within which it is killed if it is to die while it starts."""
+
+STOPS = {"evaluator_0": 7.0, "critic_trainer": 12.0, "variation": 12.0, "archive_manager": 12.0}
+"""Seconds that children are stopped: an evaluator is missed after 5, a request is repeated after 10."""
+
+
+@dataclass
+class Record:
+    """What was done to a run and what came of it.
+
+    Attributes:
+        rows: One line per deed, for the table.
+        hits: How often each node was hit.
+        orphans: Seconds that children outlived their orchestrator.
+        digest: Digest of the repertoire at the end.
+        seconds: Time from start to end.
+        summary: The orchestrator's last words.
+    """
+
+    rows: list[str] = field(default_factory=list)
+    hits: Counter[str] = field(default_factory=Counter)
+    orphans: list[float] = field(default_factory=list)
+    digest: str = ""
+    seconds: float = 0.0
+    summary: str = ""
+
+    def note(self, run: ChaosRun, what: str, name: str, more: str = "") -> None:
+        """Write down and print one deed."""
+        self.hits[name] += 1
+        self.rows.append(f"{len(self.rows) + 1:3} {what:5} {name:16} {run.generations:3}  {more}")
+        print(self.rows[-1], flush=True)
+
+
+def settings_of(task: str, seed: int, generations: int) -> Settings:
+    """Return the settings of the runs: small nets, but everything that a whole run has."""
+    return Settings(
+        task=task,
+        seed=seed,
+        evaluations=generations * BATCH,
+        random_init=INIT_GENERATIONS * BATCH,
+        batch_size=BATCH,
+        n_evo=8,
+        n_crit=200,
+        transition_batch=128,
+        cells=256,
+        cvt_samples=5000,
+        controller_hidden=(32, 32),
+        critic_hidden=(64, 64),
+        replay_size=20_000,
+    )
+
+
+def search_digest(settings: Settings) -> str:
+    """Return the digest of the same run in this process."""
+    task = load_task(settings.task)()
+    search = Search(task.spec, settings)
+    while search.generation < settings.generations:
+        search.run_generation(task)
+    task.close()
+    return search.archive.digest()
+
+
+def kill_children(run: ChaosRun, rng: np.random.Generator, deeds: int, record: Record) -> None:
+    """Kill children at random moments."""
+    run.start()
+    victims: list[str] = []
+    while len(victims) < deeds:
+        victims += rng.permutation(NAMES).tolist()
+    for i, name in enumerate(victims[:deeds]):
+        run.wait_for_generation(INIT_GENERATIONS + int(i / KILLS_PER_GENERATION))
+        wait = rng.uniform(0.0, WITHIN)
+        time.sleep(wait)
+        pid = run.send(name, signal.SIGKILL)
+        record.note(run, "kill", name, f"process {pid}, {wait:.2f} s after")
+
+
+def kill_everything(run: ChaosRun, rng: np.random.Generator, deeds: int, record: Record) -> None:
+    """Kill the orchestrator at random moments of its start and its work, and resume with the same command."""
+    run.start()
+    for i in range(deeds):
+        done = run.generations
+        starting = i % 3 == 2
+        if not starting:
+            run.wait_for_generation(max(INIT_GENERATIONS, done + 1))
+        time.sleep(rng.uniform(0.0, START if starting else WITHIN))
+        together = i % 2 == 1
+        alive = len(run.children())
+        record.orphans.append(run.kill_orchestrator(with_children=together))
+        more = f"{alive} children gone after {record.orphans[-1]:.2f} s"
+        record.note(run, "kill", "everything" if together else "orchestrator", more)
+        run.start()
+
+
+def stop_children(run: ChaosRun, rng: np.random.Generator, deeds: int, record: Record) -> None:
+    """Stop children for a while, as a machine does that swaps or a debugger that looks."""
+    run.start()
+    for i in range(deeds):
+        name = list(STOPS)[i % len(STOPS)]
+        run.wait_for_generation(INIT_GENERATIONS + i)
+        time.sleep(rng.uniform(0.0, WITHIN))
+        pid = run.send(name, signal.SIGSTOP)
+        time.sleep(STOPS[name])
+        os.kill(pid, signal.SIGCONT)
+        record.note(run, "stop", name, f"process {pid}, for {STOPS[name]:.0f} s")
+
+
+Deeds = Callable[[ChaosRun, np.random.Generator, int, Record], None]
+
+PARTS: dict[str, Deeds] = {
+    "children": kill_children,
+    "everything": kill_everything,
+    "stopped": stop_children,
+}
+
+
+def carry_out(
+    part: str, deeds: int, settings: Settings, folder: Path, digest: str, domain: int
+) -> Record:
+    """Do one part and check its outcome.
+
+    Raises:
+        ChaosError: The run failed, left something behind, or ended with another repertoire.
+    """
+    print(f"\n{part}\n  # what  node             gen")
+    parameters = {
+        name: list(value) if isinstance(value, tuple) else value
+        for name, value in settings.to_dict().items()
+    }
+    parameters |= {"evaluators": 2, "serve": False}
+    run = ChaosRun(folder / part, parameters, domain)
+    record, began = Record(), time.monotonic()
+    rng = np.random.default_rng((settings.seed, list(PARTS).index(part)))
+    try:
+        PARTS[part](run, rng, deeds, record)
+        record.digest = run.finish()
+    finally:
+        run.end()
+    record.seconds = time.monotonic() - began
+    record.summary = run.output.strip().splitlines()[-1]
+    print(record.summary)
+    if record.digest != digest:
+        raise ChaosError(f"ended with {record.digest}, core.search with {digest}")
+    print(f"the repertoire is that of core.search; {record.seconds:.0f} s", flush=True)
+    return record
+
+
+def figures(record: Record, settings: Settings) -> dict[str, Any]:
+    """Return what a part comes to, for JSON."""
+    return {
+        "deeds": sum(record.hits.values()),
+        "hits": dict(sorted(record.hits.items())),
+        "generations": settings.generations,
+        "orphans_gone_s": round(max(record.orphans, default=0.0), 2),
+        "same_repertoire": True,
+        "seconds": round(record.seconds),
+    }
+
+
+def main() -> int:
+    """Do all parts, and return the exit code."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--seed", type=int, default=0, help="of the run and of the moments")
+    parser.add_argument("--kills", type=int, default=24, help="of children")
+    parser.add_argument("--resumes", type=int, default=10, help="kills of the orchestrator")
+    parser.add_argument("--stops", type=int, default=8, help="of children, with SIGSTOP")
+    parser.add_argument("--task", default="qd_walker")
+    parser.add_argument("--part", choices=PARTS, help="one part only")
+    arguments = parser.parse_args()
+    deeds = dict(zip(PARTS, (arguments.kills, arguments.resumes, arguments.stops), strict=True))
+    longest = max(int(arguments.kills / KILLS_PER_GENERATION), arguments.resumes, arguments.stops)
+    generations = INIT_GENERATIONS + longest + QUIET_GENERATIONS
+    settings = settings_of(arguments.task, arguments.seed, generations)
+    digest = search_digest(settings)
+    print(f"{settings.task}, seed {settings.seed}, {generations} generations: {digest}")
+    out: dict[str, Any] = {}
+    folder = Path(tempfile.mkdtemp(prefix="chaos-"))
+    with domain_id() as domain:
+        for part in [arguments.part] if arguments.part else PARTS:
+            try:
+                record = carry_out(part, deeds[part], settings, folder, digest, domain)
+            except ChaosError as error:
+                print(f"FAILED: {part} {error}\nlook into {folder}", file=sys.stderr)
+                return 1
+            out[part] = figures(record, settings)
+    shutil.rmtree(folder)
+    print(
+        json.dumps({"bench": "chaos", "task": settings.task, "seed": settings.seed, "parts": out})
+    )
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
