@@ -37,19 +37,18 @@ class CriticTrainer:
     Args:
         spec: Spec of the task, for its dimensions.
         settings: Settings of the run; of them, those that are no rates hold for good.
-        device: 'cpu', 'auto' (a GPU if torch finds one), or another torch device.
 
     Raises:
         SettingsError: The device cannot be used here.
     """
 
-    def __init__(self, spec: RobotDimensions, settings: Settings, device: str = "cpu") -> None:
+    def __init__(self, spec: RobotDimensions, settings: Settings) -> None:
         """Draw the networks and copy them into their targets (Alg. 3, lines 3-5)."""
         self.settings = settings
         self.obs_dim, self.act_dim = spec.observation_dim, spec.action_dim
         self.critic_shape = critic_shape(spec, settings)
         self.greedy_shape = controller_shape(spec, settings)
-        self.device = choose_device(device)
+        self.device = choose_device(settings.device)
 
         def draw(index: int) -> np.random.Generator:
             return generator(settings.seed, Purpose.CRITIC_INIT, 0, index)

@@ -23,7 +23,6 @@ class Learner:
     Args:
         spec: Task.
         settings: Settings of the run.
-        device: Torch device of the critics.
 
     Attributes:
         version: Critic training steps done since the start of the run.
@@ -34,10 +33,10 @@ class Learner:
         PgaError: The machine cannot reserve memory for `replay_size` transitions.
     """
 
-    def __init__(self, spec: TaskSpec, settings: Settings, device: str = "cpu") -> None:
+    def __init__(self, spec: TaskSpec, settings: Settings) -> None:
         self._spec = spec
         self._settings = settings
-        self._trainer = CriticTrainer(spec, settings, device)
+        self._trainer = CriticTrainer(spec, settings)
         self.version = 0
         self.newest = -1
         self._clear_replay()

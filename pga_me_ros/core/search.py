@@ -182,5 +182,6 @@ class Search:
             self.shape,
             self._snapshot.critic_shape,
             threads=s.torch_threads,
+            device=s.device,
         )
         return nobody, offspring

@@ -233,6 +233,12 @@ class Settings:
         high=1024,
         unit="threads",
     )
+    device: str = setting(
+        "cpu",
+        "Where gradients are computed: 'cpu', 'cuda', or 'auto', which takes a GPU if torch finds one; "
+        "the last bits of the result depend on it.",
+        choices=("cpu", "cuda", "auto"),
+    )
 
     def __post_init__(self) -> None:
         """Check every value.

@@ -102,6 +102,7 @@ class Variation(GraphNode):
             self._shape,
             snapshot.critic_shape,
             threads=settings.torch_threads,
+            device=settings.device,
             workers=os.cpu_count() or 1,
         )
 

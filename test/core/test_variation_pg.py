@@ -48,7 +48,7 @@ def textbook_offspring(parent, batches, learning_rate):
 
 @BATCHES
 def test_offspring_equal_textbook_gradient_ascent(states):
-    got = offspring(PARENTS, states)
+    got = offspring(PARENTS, states, device="auto")
     for i in (0, 6):
         wanted = textbook_offspring(PARENTS[i], states if states is SHARED else states[i], 1e-3)
         assert np.abs(wanted - PARENTS[i]).max() > 1e-3
@@ -106,6 +106,11 @@ def test_caller_keeps_its_threads(workers):
     before = torch.get_num_threads()
     offspring(PARENTS, SHARED, threads=before + 1, workers=workers)
     assert torch.get_num_threads() == before
+
+
+def test_the_same_call_gives_the_same_bits_twice():
+    first = offspring(PARENTS, SHARED, device="auto")
+    assert offspring(PARENTS, SHARED, device="auto").tobytes() == first.tobytes()
 
 
 def test_no_parents_give_no_offspring():
