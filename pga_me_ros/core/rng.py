@@ -22,6 +22,7 @@ class Purpose(IntEnum):
     PG_BATCHES = 6
     CRITIC_INIT = 7
     CRITIC_TRAINING = 8
+    REEVALUATION = 9
 
 
 def generator(

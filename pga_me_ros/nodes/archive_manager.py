@@ -76,7 +76,7 @@ class ArchiveManager(GraphNode):
         self._metrics = metrics[-1] if metrics else None
         self._metrics_topic = self.create_publisher(MetricsMsg, names.METRICS, qos.LATCHED)
         self._heatmap = HeatmapTopic(self, self._archive)
-        self._readers = RepertoireServices(self, self._info, self._archive, self._grow)
+        self._readers = RepertoireServices(self, self._info, self._archive, self._grow, path)
         if self._grow:
             self.serve(AddToArchive, names.ADD_TO_ARCHIVE, self._add)
             self.serve(SampleParents, names.SAMPLE_PARENTS, self._sample)
@@ -222,7 +222,7 @@ def _require_least(name: str, values: np.ndarray, least: int) -> None:
 
 PROGRAM = Program(
     "archive_manager",
-    "Serves a repertoire file: /repertoire/get_behavior, list_behaviors and get_info.",
+    "Serves a repertoire file: /repertoire/get_behavior, get_behaviors, list_behaviors and get_info.",
     (ArchiveManagerSettings,),
 )
 

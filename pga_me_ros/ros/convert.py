@@ -22,13 +22,13 @@ from pga_me_ros.core.elites import Elite, Operator
 from pga_me_ros.core.errors import RequestError, SettingsError
 from pga_me_ros.core.metrics import Metrics
 from pga_me_ros.core.policy import MlpShape
+from pga_me_ros.core.reevaluations import Statistics
+from pga_me_ros.core.repertoire_arrays import LAYOUT
 from pga_me_ros.core.run_info import RunInfo
 from pga_me_ros.core.settings import RATES, Settings
 from pga_me_ros.core.snapshot import Snapshot
 from pga_me_ros.tasks.protocol import TaskSpec
 from pga_me_ros.tasks.rollout import Episode
-
-LAYOUT = "for each layer: weight (out, in) row by row, then bias (out)"
 
 PURE_NUMBER = "1"
 """Unit of what has none, in messages; a task's spec leaves it empty."""
@@ -50,12 +50,13 @@ def shaped(data: Any, shape: tuple[int, ...], dtype: Any, name: str) -> NDArray[
     Raises:
         RequestError: A dimension is negative, or the field has another number of entries.
     """
-    values: NDArray[Any] = np.asarray(data, dtype=dtype)
-    if min(shape) < 0 or values.size != math.prod(shape):
+    # Counted before they are copied: a message may hold any number of them.
+    if min(shape) < 0 or len(data) != math.prod(shape):
         raise RequestError(
-            f"Field '{name}' has {values.size} entries, but its dimensions {shape} need "
+            f"Field '{name}' has {len(data)} entries, but its dimensions {shape} need "
             f"{math.prod(shape)}."
         )
+    values: NDArray[Any] = np.asarray(data, dtype=dtype)
     return values.reshape(shape)
 
 
@@ -203,10 +204,15 @@ def image_to_msg(rgb: NDArray[np.uint8], stamp: Time) -> Image:
     return msg
 
 
-def behavior_to_msg(elite: Elite) -> Behavior:
-    """Return an elite as a message, without its controller."""
+def behavior_to_msg(elite: Elite, known: Statistics | None = None) -> Behavior:
+    """Return an elite as a message, without its controller.
+
+    Args:
+        elite: The elite.
+        known: What re-evaluations say of it and others, None for nothing.
+    """
     parents = [p for p in (elite.parent1, elite.parent2) if p >= 0]
-    return Behavior(
+    msg = Behavior(
         cell=int(elite.cell),
         descriptor=flat(elite.descriptor, "d"),
         fitness=float(elite.fitness),
@@ -216,7 +222,18 @@ def behavior_to_msg(elite: Elite) -> Behavior:
         parents=parents,
         steps=int(elite.steps),
         terminated=bool(elite.terminated),
+        mean_fitness=math.nan,
+        fitness_spread=math.nan,
     )
+    repeats = 0 if known is None else int(known.repeats[elite.cell])
+    if known is not None and repeats:
+        msg.repeats = repeats
+        msg.mean_fitness = float(known.mean_fitness[elite.cell])
+        msg.mean_descriptor = flat(known.mean_descriptor[elite.cell], "d")
+        if repeats > 1:
+            msg.fitness_spread = float(known.fitness_spread[elite.cell])
+            msg.descriptor_spread = flat(known.descriptor_spread[elite.cell], "d")
+    return msg
 
 
 def controller_to_msg(

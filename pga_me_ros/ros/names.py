@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 GET_BEHAVIOR = "repertoire/get_behavior"
+GET_BEHAVIORS = "repertoire/get_behaviors"
 LIST_BEHAVIORS = "repertoire/list_behaviors"
 GET_INFO = "repertoire/get_info"
 METRICS = "repertoire/metrics"
