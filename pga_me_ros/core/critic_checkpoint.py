@@ -74,7 +74,7 @@ class CriticCheckpoints:
         if order.generation not in self._files.generations():
             return None
         snapshot, state, theirs = self._load(order.generation)
-        return (snapshot, state) if theirs == dataclasses.asdict(order) else None
+        return (snapshot, state) if theirs == order else None
 
     def before(self, generation: int) -> tuple[Snapshot, CriticState] | None:
         """Return the newest outcome for an earlier generation, None when there is none.
@@ -85,7 +85,25 @@ class CriticCheckpoints:
         earlier = [g for g in self._files.generations() if g < generation]
         return self._load(earlier[-1])[:2] if earlier else None
 
-    def _load(self, generation: int) -> tuple[Snapshot, CriticState, dict[str, Any]]:
+    def discard_since(self, generation: int) -> None:
+        """Delete the outcomes of trainings that took place in a generation or later.
+
+        A run that was killed in the middle of a generation does it again, perhaps with other rates. If those need no
+        critics, nothing replaces what was trained the first time, and some later training would start from a state that
+        an undisturbed run never had.
+
+        Raises:
+            StorageError: The file for that generation is damaged, or one cannot be deleted.
+        """
+        for trained_for in self._files.generations():
+            # Critics for a later generation were trained in this one at the earliest; those for this one may
+            # have been trained in the one before.
+            if trained_for > generation or (
+                trained_for == generation and self._load(generation)[2].ordered_in >= generation
+            ):
+                self._files.delete(trained_for)
+
+    def _load(self, generation: int) -> tuple[Snapshot, CriticState, TrainingOrder]:
         path = self._files.path(generation)
         arrays, meta = load_checkpoint(path)
         values: dict[str, Any] = {
@@ -93,7 +111,7 @@ class CriticCheckpoints:
         }
         state = {n.removeprefix(STATE): a for n, a in arrays.items() if n.startswith(STATE)}
         try:
-            order = meta.pop("order")
+            order = TrainingOrder(**meta.pop("order"))
             values |= {name: _plain_or_shape(name, value) for name, value in meta.items()}
             snapshot = Snapshot(**values)
         except (KeyError, TypeError) as error:

@@ -100,6 +100,11 @@ class TrainingOrder:
         """Make an order from settings with the rates in force."""
         return cls(generation, experience, {name: getattr(settings, name) for name in RATES})
 
+    @property
+    def ordered_in(self) -> int:
+        """Generation in which the training takes place: the first that is not yet part of its experience."""
+        return self.experience + 1
+
 
 def training_meanwhile(settings: Settings, generation: int) -> TrainingOrder | None:
     """Return the training that goes on while a generation is evaluated, None if there is none."""

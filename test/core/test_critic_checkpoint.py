@@ -116,3 +116,23 @@ def test_a_file_that_holds_something_else_is_told(tmp_path, arrays, meta):
     save_checkpoint(tmp_path / "critic-00000005.ckpt", arrays, meta)
     with pytest.raises(StorageError, match="holds no outcome of a critic training"):
         CriticCheckpoints(tmp_path).find(order(5))
+
+
+def test_outcomes_of_trainings_in_an_interrupted_generation_are_discarded(tmp_path):
+    checkpoints = saved(tmp_path, [5, 6, 7])  # each trained in the generation before
+    checkpoints.discard_since(6)
+    assert checkpoints.find(order(7)) is None
+    assert_same(checkpoints.find(order(6)), outcome(6))
+    checkpoints.save(order(7, experience=6), *outcome(7))  # trained in generation 7 itself
+    checkpoints.discard_since(7)
+    assert_same(checkpoints.before(8), outcome(6))
+
+
+def test_a_damaged_outcome_that_may_be_needed_is_told_and_kept(tmp_path):
+    checkpoints = saved(tmp_path, [5, 6])
+    for generation in (5, 6):
+        path = tmp_path / f"critic-0000000{generation}.ckpt"
+        path.write_bytes(path.read_bytes()[:-40])
+    with pytest.raises(StorageError, match="critic-00000005"):
+        checkpoints.discard_since(5)
+    assert (tmp_path / "critic-00000005.ckpt").exists()

@@ -7,10 +7,11 @@ import pytest
 from graph_in_small import GraphInSmall
 from lane_task import SETTINGS, Lane, grown, learner_bits
 
+from pga_me_ros.core.critic_checkpoint import CriticCheckpoints
 from pga_me_ros.core.durable_learner import DurableLearner
 from pga_me_ros.core.errors import PgaError, RequestError, StorageError
 from pga_me_ros.core.learner import Learner
-from pga_me_ros.core.schedule import TrainingOrder
+from pga_me_ros.core.schedule import TrainingOrder, training_for, training_meanwhile
 from pga_me_ros.core.search import Search
 
 BRIEF = SETTINGS.replace(n_crit=10, evaluations=100)
@@ -46,11 +47,34 @@ def test_training_goes_on_after_a_pause_longer_than_experience_is_kept(tmp_path)
     off = settings.replace(n_evo=settings.batch_size)
     graph = GraphInSmall(settings, tmp_path, rates={3: off, 8: settings})
     graph.grow(range(settings.generations))
+    assert graph.archive.digest() == grown_with_a_pause(settings, range(3, 8))
+
+
+@pytest.mark.parametrize("schedule", ["overlapped", "alternating"])
+def test_critics_of_a_generation_that_was_interrupted_are_no_start_for_later_ones(
+    schedule, tmp_path
+):
+    settings = BRIEF.replace(schedule=schedule)
+    off = settings.replace(n_evo=settings.batch_size)
+    graph = GraphInSmall(settings, tmp_path, rates={4: off, 6: settings})
+    graph.grow(range(4))
+    for order in (training_for(settings, settings, 4), training_meanwhile(settings, 4)):
+        if order and not graph.learner.find(order):
+            graph.learner.prepare(order)
+            graph.learner.train(order)
+    CriticCheckpoints(tmp_path).discard_since(4)
+    graph.restart_learner()
+    graph.grow(range(4, settings.generations))
+    assert graph.archive.digest() == grown_with_a_pause(settings, range(4, 6))
+
+
+def grown_with_a_pause(settings, pause):
+    """Return the digest after a whole run without gradients in some generations."""
     search, task = Search(Lane.spec, settings), Lane()
     for t in range(settings.generations):
-        search.settings = off if 3 <= t < 8 else settings
+        search.settings = settings.replace(n_evo=settings.batch_size) if t in pause else settings
         search.run_generation(task)
-    assert graph.archive.digest() == search.archive.digest()
+    return search.archive.digest()
 
 
 def test_a_training_done_again_with_other_rates_starts_from_the_state_before_it(tmp_path):
