@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pga_me_msgs.msg import Behavior as BehaviorMsg
 from pga_me_msgs.msg import Controller as ControllerMsg
-from pga_me_msgs.srv import GetBehavior, GetInfo
+from pga_me_msgs.srv import GetBehavior, GetBehaviors, GetInfo
 
 from pga_me_ros.core.errors import NetworkError
 from pga_me_ros.core.policy import Controller as Network
@@ -104,10 +104,15 @@ class ListedBehavior:
         fitness: Sum of rewards in its one evaluation.
         evaluation: Id of that evaluation within the run.
         generation: Generation that it was made in.
-        made_by: What made it: ``random``, ``ga``, ``pg`` or ``greedy``.
+        made_by: What made it: ``random``, ``ga``, ``pg``, ``greedy``, or ``imported`` from another repertoire.
         parents: Evaluation ids of its parents, at most two.
         steps: Length of that evaluation, control steps.
         terminated: Whether it ended by a fall.
+        repeats: Re-evaluations from other initial poses that the repertoire knows of, 0 for none.
+        mean_fitness: Mean of their fitness, NaN for none.
+        fitness_spread: Sample standard deviation of their fitness, NaN for fewer than two.
+        mean_descriptor: (d,) float64 mean of their descriptors, read-only; empty for none.
+        descriptor_spread: (d,) float64 sample standard deviation of each entry; empty for fewer than two.
     """
 
     cell: int
@@ -119,6 +124,11 @@ class ListedBehavior:
     parents: tuple[int, ...]
     steps: int
     terminated: bool
+    repeats: int
+    mean_fitness: float
+    fitness_spread: float
+    mean_descriptor: NDArray[np.float64]
+    descriptor_spread: NDArray[np.float64]
 
     @classmethod
     def from_msg(cls, msg: BehaviorMsg) -> ListedBehavior:
@@ -131,7 +141,7 @@ class Behavior(ListedBehavior):
     """A behaviour with all that it takes to run it.
 
     Attributes:
-        distance: Euclidean distance from its descriptor to the wanted one, 0 where none was wanted.
+        distance: Euclidean distance from its (mean) descriptor to the wanted one, 0 where none was wanted.
         controller: Its controller.
     """
 
@@ -150,6 +160,30 @@ class Behavior(ListedBehavior):
             distance=response.distance,
             controller=Controller.from_msg(response.controller),
         )
+
+    @classmethod
+    def all_from_response(cls, response: GetBehaviors.Response) -> tuple[Behavior, ...]:
+        """Return the behaviours of an answer with controllers.
+
+        Raises:
+            NetworkError: A controller is malformed, see `Controller.from_msg`.
+        """
+        if not response.behaviors:
+            return ()
+        msg, count = response.controller, len(response.behaviors)
+        size = MlpShape(tuple(msg.layer_sizes)).parameter_count
+        if len(response.parameters) != count * size or len(response.distances) != count:
+            raise NetworkError(
+                f"The answer has {len(response.parameters)} parameters and {len(response.distances)} distances for "
+                f"{count} behaviours with {size} parameters each; the message is malformed."
+            )
+        out = []
+        for i, behavior in enumerate(response.behaviors):
+            msg.parameters = response.parameters[i * size : (i + 1) * size]
+            controller = Controller.from_msg(msg)
+            fields = _fields(behavior)
+            out.append(cls(**fields, distance=response.distances[i], controller=controller))
+        return tuple(out)
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,6 +261,11 @@ def _fields(msg: BehaviorMsg) -> dict[str, Any]:
         "parents": tuple(msg.parents),
         "steps": msg.steps,
         "terminated": msg.terminated,
+        "repeats": msg.repeats,
+        "mean_fitness": msg.mean_fitness,
+        "fitness_spread": msg.fitness_spread,
+        "mean_descriptor": _read_only(msg.mean_descriptor),
+        "descriptor_spread": _read_only(msg.descriptor_spread),
     }
 
 

@@ -9,12 +9,10 @@
 
 from __future__ import annotations
 
-import array
-import math
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
-from pga_me_msgs.srv import GetBehavior, GetInfo, ListBehaviors
+from pga_me_msgs.srv import GetBehavior, GetBehaviors, GetInfo, ListBehaviors
 from rclpy.client import Client
 from rclpy.node import Node
 from rclpy.task import Future
@@ -22,6 +20,7 @@ from rclpy.task import Future
 from pga_me_ros.behaviors import Behavior, Controller, ListedBehavior, RepertoireInfo
 from pga_me_ros.core.errors import PgaError, RequestError
 from pga_me_ros.ros import names
+from pga_me_ros.ros.behavior_requests import behavior_request, behaviors_request, limit_fitness
 from pga_me_ros.ros.patient_client import (
     BlockedExecutorError,
     PatientCaller,
@@ -62,6 +61,7 @@ class RepertoireClient:
         self._timeout = timeout
         self._caller = PatientCaller(node)
         self._behavior = self._client(GetBehavior, prefix, names.GET_BEHAVIOR)
+        self._behaviors = self._client(GetBehaviors, prefix, names.GET_BEHAVIORS)
         self._list = self._client(ListBehaviors, prefix, names.LIST_BEHAVIORS)
         self._info = self._client(GetInfo, prefix, names.GET_INFO)
 
@@ -89,6 +89,7 @@ class RepertoireClient:
         random: bool = False,
         max_distance: float | None = None,
         min_fitness: float | None = None,
+        by_mean: bool = False,
         timeout: float | None = None,
     ) -> Future:
         """Ask for a behaviour, chosen in one of four ways.
@@ -100,6 +101,7 @@ class RepertoireClient:
             random: Any behaviour, each with the same probability.
             max_distance: Greatest Euclidean distance to the wanted descriptor, None for any.
             min_fitness: Least fitness, None for any.
+            by_mean: Whether fitness and descriptor are to be the means of re-evaluations; others are left out.
             timeout: Seconds after which the call fails, None for the client's own.
 
         Returns:
@@ -115,9 +117,35 @@ class RepertoireClient:
             random=random,
             max_distance=max_distance,
             min_fitness=min_fitness,
+            by_mean=by_mean,
             timeout=timeout,
         )
         return call.future
+
+    def get_behaviors(
+        self, descriptor: Sequence[float], count: int, **limits: Any
+    ) -> tuple[Behavior, ...]:
+        """Return the behaviours with the nearest descriptors, nearest first, each with its controller.
+
+        Args:
+            descriptor: d numbers.
+            count: Most behaviours to return, 1 to 1000.
+            limits: max_distance, min_fitness, by_mean and timeout as in `get_behavior_async`.
+
+        Raises:
+            RequestError: The arguments make no sense, to this side or the repertoire's.
+            RepertoireTimeoutError: As in `get_behavior`.
+            BlockedExecutorError: As in `get_behavior`.
+            NetworkError: A controller in the answer is malformed.
+
+        Returns:
+            As many as fit, perhaps none.
+        """
+        return self._caller.result(self._ask_behaviors(descriptor, count, **limits))
+
+    def get_behaviors_async(self, descriptor: Sequence[float], count: int, **limits: Any) -> Future:
+        """Ask for the nearest behaviours; returns a future of what `get_behaviors` returns."""
+        return self._ask_behaviors(descriptor, count, **limits).future
 
     def list_behaviors(
         self, *, min_fitness: float | None = None, page: int = PAGE, timeout: float | None = None
@@ -187,7 +215,7 @@ class RepertoireClient:
     def close(self) -> None:
         """Destroy the clients; only while the node is not spun. Destroying the node does it too."""
         self._caller.close()
-        for client in (self._behavior, self._list, self._info):
+        for client in (self._behavior, self._behaviors, self._list, self._info):
             self._node.destroy_client(client)
 
     def _client(self, srv_type: Any, prefix: str, name: str) -> Client:
@@ -198,11 +226,22 @@ class RepertoireClient:
         request = behavior_request(**wanted)
         return self._start(self._behavior, request, _read_behavior, timeout)
 
+    def _ask_behaviors(
+        self,
+        descriptor: Sequence[float],
+        count: int,
+        *,
+        timeout: float | None = None,
+        **limits: Any,
+    ) -> PendingCall:
+        request = behaviors_request(descriptor, count, **limits)
+        return self._start(self._behaviors, request, _read_behaviors, timeout)
+
     def _ask_list(
         self, offset: int, limit: int, min_fitness: float | None, timeout: float | None
     ) -> PendingCall:
         request = ListBehaviors.Request(offset=int(offset), limit=int(limit))
-        _require_fitness(request, min_fitness)
+        limit_fitness(request, min_fitness)
         return self._start(self._list, request, _read_list, timeout)
 
     def _ask_info(self, timeout: float | None) -> PendingCall:
@@ -216,61 +255,6 @@ class RepertoireClient:
         return self._caller.start(client, request, read, seconds)
 
 
-def behavior_request(
-    *,
-    descriptor: Sequence[float] | None = None,
-    cell: int | None = None,
-    best: bool = False,
-    random: bool = False,
-    max_distance: float | None = None,
-    min_fitness: float | None = None,
-) -> GetBehavior.Request:
-    """Return the request for a behaviour; arguments as in `RepertoireClient.get_behavior_async`.
-
-    Raises:
-        RequestError: There is not exactly one way to choose, or a number is none.
-    """
-    ways = {"descriptor": descriptor is not None, "cell": cell is not None}
-    ways |= {"best": best, "random": random}
-    chosen = [name for name, given in ways.items() if given]
-    if len(chosen) != 1:
-        raise RequestError(
-            f"Say in exactly one way which behaviour is wanted: descriptor, cell, best or random; "
-            f"given: {', '.join(chosen) or 'none'}."
-        )
-    request = GetBehavior.Request(select=getattr(GetBehavior.Request, chosen[0].upper()))
-    if descriptor is not None:
-        request.descriptor = array.array("d", [_number("descriptor", x) for x in descriptor])
-    if cell is not None:
-        request.cell = int(cell)
-    if max_distance is not None:
-        if descriptor is None or _number("max_distance", max_distance) < 0.0:
-            raise RequestError(
-                f"max_distance is {max_distance}; give 0 or more, together with a descriptor."
-            )
-        request.max_distance = float(max_distance)
-    _require_fitness(request, min_fitness)
-    return request
-
-
-def _require_fitness(
-    request: GetBehavior.Request | ListBehaviors.Request, min_fitness: float | None
-) -> None:
-    if min_fitness is not None:
-        request.require_fitness = True
-        request.min_fitness = _number("min_fitness", min_fitness)
-
-
-def _number(name: str, value: Any) -> float:
-    try:
-        number = float(value)
-    except (TypeError, ValueError):
-        number = math.nan
-    if math.isnan(number):
-        raise RequestError(f"{name} is or holds {value!r}; give a number.")
-    return number
-
-
 def _check_timeout(seconds: float) -> None:
     if not seconds > 0.0:
         raise RequestError(f"timeout is {seconds}; give seconds above 0.")
@@ -280,6 +264,12 @@ def _read_behavior(response: GetBehavior.Response) -> Behavior:
     if not response.found:
         raise BehaviorNotFoundError(response.message)
     return Behavior.from_response(response)
+
+
+def _read_behaviors(response: GetBehaviors.Response) -> tuple[Behavior, ...]:
+    if not response.ok:
+        raise RequestError(response.message)
+    return Behavior.all_from_response(response)
 
 
 def _read_list(response: ListBehaviors.Response) -> tuple[int, tuple[ListedBehavior, ...]]:
