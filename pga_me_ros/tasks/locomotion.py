@@ -13,6 +13,7 @@ from typing import ClassVar
 import numpy as np
 
 from pga_me_ros.core.errors import TaskError
+from pga_me_ros.tasks.body import Body
 from pga_me_ros.tasks.heading import Heading, Vector
 from pga_me_ros.tasks.protocol import Float32Array, Float64Array, NonFiniteActionError
 from pga_me_ros.tasks.robots import (
@@ -159,6 +160,12 @@ class LocomotionTask:
         world = self._world
         states = self._pybullet.getJointStates(world.robot, world.joints, world.client)
         return [state[0] for state in states], [state[1] for state in states]
+
+    @property
+    def body(self) -> Body:
+        """The robot in its world, for whoever shows it; another one after a simulation that diverged."""
+        world = self._world
+        return Body(world.client, world.robot, world.torso, world.model_path, self.robot.torques)
 
     def close(self) -> None:
         """Close the world; a second call does nothing."""

@@ -21,6 +21,7 @@ class World:
         joint_limits: Lower and upper limit of each actuated joint, rad.
         links: Link index by name.
         torso: Link index of the torso, -1 where it is the base.
+        model_path: File that the robot was loaded from.
 
     Args:
         robot: Constants of the robot.
@@ -97,7 +98,7 @@ class World:
 
     def _load_robot(self, folder: str, model: str) -> int:
         pybullet = self._pybullet
-        path = os.path.join(folder, "mjcf", model)
+        path = self.model_path = os.path.join(folder, "mjcf", model)
         flags = (
             pybullet.URDF_USE_SELF_COLLISION
             | pybullet.URDF_USE_SELF_COLLISION_EXCLUDE_ALL_PARENTS

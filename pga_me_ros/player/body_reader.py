@@ -1,0 +1,234 @@
+"""Reads a robot out of PyBullet: its model once, its state after each step; nothing in the simulation is changed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from pga_me_ros.core.errors import TaskError
+from pga_me_ros.player.mjcf import capsule_poses
+from pga_me_ros.player.model import BASE_LINK, Joint, Link, RobotModel, RobotState, Shape, motion
+from pga_me_ros.player.transform import ZERO, Transform, conjugate, multiply, rotate, unit
+from pga_me_ros.tasks.body import Body
+
+NO_SPEED_LIMIT = 100.0
+"""Written where the model limits no speed, rad/s or m/s: URDF demands a limit."""
+
+_KINDS = {0: "revolute", 1: "prismatic", 4: "fixed"}
+_SHAPES = {2: ("sphere", 1), 3: ("box", 3), 4: ("cylinder", 2), 5: ("mesh", 3), 7: ("capsule", 2)}
+
+
+class BodyReader:
+    """Reads one robot.
+
+    Poses are computed from the positions of the joints: asking PyBullet for those of links may refresh what it has
+    cached, and that would change the episode.
+
+    Args:
+        body: The robot in its world, which must stay open.
+
+    Attributes:
+        model: The robot's links and joints.
+
+    Raises:
+        TaskError: It is no tree of links with joints of one degree of freedom below the torso.
+    """
+
+    def __init__(self, body: Body) -> None:
+        import pybullet
+
+        self._pybullet = pybullet
+        self._body = body
+        self._infos = [
+            pybullet.getJointInfo(body.robot, index, body.client)
+            for index in range(pybullet.getNumJoints(body.robot, body.client))
+        ]
+        self._dynamics = {
+            index: pybullet.getDynamicsInfo(body.robot, index, body.client)
+            for index in range(-1, len(self._infos))
+        }
+        self._centres = {index: Transform(*d[3:5]) for index, d in self._dynamics.items()}
+        self._rails = self._ancestors(body.torso)
+        self._shapes = self._read_shapes()
+        self.model = self._read_model()
+        self._movable = [joint.index for joint in self.model.movable]
+
+    def state(self) -> RobotState:
+        """Return where the robot is now."""
+        pybullet, body = self._pybullet, self._body
+        states = pybullet.getJointStates(body.robot, self._movable, body.client)
+        pose = Transform(*pybullet.getBasePositionAndOrientation(body.robot, body.client))
+        if body.torso < 0:
+            linear, angular = pybullet.getBaseVelocity(body.robot, body.client)
+        else:
+            linear, angular = pybullet.getLinkState(body.robot, body.torso, 1, 0, body.client)[6:8]
+            pose = self._along_rails(pose @ self._centres[-1].inverse())
+        positions, velocities = tuple(s[0] for s in states), tuple(s[1] for s in states)
+        return RobotState(pose, linear, angular, positions, velocities)
+
+    def _along_rails(self, pose: Transform) -> Transform:
+        """Return the pose of the torso's centre of mass, given that of the base's frame."""
+        pybullet, body = self._pybullet, self._body
+        for index in self._rails:
+            pose = pose @ self._origin(index)
+            if self._kind(index) != "fixed":
+                state = pybullet.getJointState(body.robot, index, body.client)
+                pose = pose @ motion(self._kind(index), self._axis(index), state[0])
+        return pose @ self._centres[body.torso]
+
+    def _read_model(self) -> RobotModel:
+        root, robot = self._pybullet.getBodyInfo(self._body.robot, self._body.client)
+        torso = self._body.torso
+        torso_name = root.decode() if torso < 0 else self._name(torso)
+        if torso_name == BASE_LINK:
+            torso_name += "_inertia"
+        names = {torso: torso_name}
+        # The torso's own frame may lie anywhere, for a walker's on the floor: its centre of mass is a better handle.
+        frames = {torso: self._centres[torso].inverse()}
+        links = [
+            Link(BASE_LINK, 0.0, ZERO, Transform(), ()),
+            self._link(torso, torso_name, frames[torso]),
+        ]
+        joints = [
+            Joint(f"{BASE_LINK}_to_{torso_name}", "fixed", BASE_LINK, torso_name, Transform())
+        ]
+        for index in self._below_torso():
+            if index in names:
+                continue  # it became one with the link before
+            # A model with several joints, or one in mid-air, in a body becomes a chain of empty links: not worth a frame.
+            part = self._welded_to_nothing(index)
+            frames[index], names[index] = Transform(), self._name(part)
+            if part != index:
+                frames[part], names[part] = self._origin(part), self._name(part)
+            parent = self._infos[index][16]
+            joints.append(self._joint(index, names[parent], names[part], frames[parent]))
+            links.append(self._link(part, names[part], frames[part]))
+        return RobotModel(robot.decode() or "robot", tuple(links), tuple(joints))
+
+    def _link(self, index: int, name: str, frame: Transform) -> Link:
+        """Return a link whose frame in PyBullet has a pose in the frame that we give it."""
+        mass, _, inertia = self._dynamics[index][:3]
+        shapes = tuple(
+            Shape(s.kind, s.size, frame @ s.pose, s.colour, s.mesh)
+            for s in self._shapes.get(index, [])
+        )
+        return Link(name, mass, inertia, frame @ self._centres[index], shapes)
+
+    def _joint(self, index: int, parent: str, child: str, frame: Transform) -> Joint:
+        info = self._infos[index]
+        name, kind, (lower, upper, effort, velocity) = (
+            info[1].decode(),
+            self._kind(index),
+            info[8:12],
+        )
+        origin = frame @ self._origin(index)
+        if kind == "fixed":  # some have made-up names, which count what was loaded before
+            return Joint(f"{parent}_to_{child}", kind, parent, child, origin)
+        if lower > upper:
+            if kind == "prismatic":
+                raise TaskError(
+                    f"joint '{name}' slides without limits, which a robot description cannot say; give it limits, or "
+                    "name a torso below it in the task's body"
+                )
+            kind, lower, upper = "continuous", 0.0, 0.0
+        effort = self._body.efforts.get(name, effort)
+        velocity = velocity or NO_SPEED_LIMIT
+        return Joint(
+            name,
+            kind,
+            parent,
+            child,
+            origin,
+            self._axis(index),
+            lower,
+            upper,
+            effort,
+            velocity,
+            index,
+        )
+
+    def _welded_to_nothing(self, index: int) -> int:
+        """Return the only link welded to a link without mass and shape, else the link itself."""
+        children = [i for i, info in enumerate(self._infos) if info[16] == index]
+        empty = self._dynamics[index][0] == 0.0 and index not in self._shapes
+        return children[0] if empty and [self._kind(i) for i in children] == ["fixed"] else index
+
+    def _below_torso(self) -> Iterator[int]:
+        """Yield the links that hang on the torso, parents first.
+
+        Raises:
+            TaskError: One hangs elsewhere.
+        """
+        below = {self._body.torso}
+        for index, info in enumerate(self._infos):
+            if info[16] in below:
+                below.add(index)
+                yield index
+            elif index not in self._rails:
+                raise TaskError(
+                    f"link '{self._name(index)}' does not hang on the torso; the torso of a task's body must carry all "
+                    "of the robot"
+                )
+
+    def _ancestors(self, index: int) -> list[int]:
+        """Return the joints that lead from the base to a link."""
+        path: list[int] = []
+        while index >= 0:
+            path.insert(0, index)
+            index = self._infos[index][16]
+        return path
+
+    def _read_shapes(self) -> dict[int, list[Shape]]:
+        """Return the shapes of each link in the frame that it has in PyBullet."""
+        shapes: dict[int, list[Shape]] = {}
+        for data in self._pybullet.getVisualShapeData(self._body.robot, -1, self._body.client):
+            if data[2] not in _SHAPES:
+                raise TaskError(
+                    f"a shape of kind {data[2]} in '{self._body.model_path}' cannot be drawn; expected sphere, box, "
+                    "cylinder, capsule or mesh"
+                )
+            kind, entries = _SHAPES[data[2]]
+            pose, mesh = Transform(*data[5:7]), data[4].decode()
+            shapes.setdefault(data[1], []).append(
+                Shape(kind, tuple(data[3][:entries]), pose, data[7], mesh)
+            )
+        if self._body.model_path.endswith(".xml"):
+            self._lay_capsules(shapes)
+        return shapes
+
+    def _lay_capsules(self, shapes: dict[int, list[Shape]]) -> None:
+        """Replace the poses of capsules given by their ends, which PyBullet reports as standing in the origin."""
+        poses = capsule_poses(Path(self._body.model_path))
+        root = self._pybullet.getBodyInfo(self._body.robot, self._body.client)[0].decode()
+        for index, seen in shapes.items():
+            known = poses.get(root if index < 0 else self._name(index), [])
+            if len(known) == len(seen):
+                shapes[index] = [
+                    Shape(s.kind, s.size, pose or s.pose, s.colour, s.mesh)
+                    for s, pose in zip(seen, known, strict=True)
+                ]
+
+    def _name(self, index: int) -> str:
+        return str(self._infos[index][12].decode())
+
+    def _kind(self, index: int) -> str:
+        kind = _KINDS.get(self._infos[index][2])
+        if kind is None:
+            name = self._infos[index][1].decode()
+            raise TaskError(
+                f"joint '{name}' has several degrees of freedom; a robot that is shown may have hinges and slides"
+            )
+        return kind
+
+    def _origin(self, index: int) -> Transform:
+        """Return the pose of a link's frame in that of its parent at position 0.
+
+        PyBullet tells the joint's place in the frame of the parent's centre of mass, and the opposite of the rotation
+        between both centres of mass.
+        """
+        info = self._infos[index]
+        turned = multiply(conjugate(info[15]), conjugate(self._centres[index].rotation))
+        return self._centres[info[16]] @ Transform(info[14], turned)
+
+    def _axis(self, index: int) -> tuple[float, float, float]:
+        return unit(rotate(self._centres[index].rotation, self._infos[index][13]))

@@ -1,0 +1,80 @@
+"""A camera that keeps the robot in the picture."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from pga_me_ros.player.model import RobotModel, RobotState, link_poses
+from pga_me_ros.player.transform import Transform, Vector
+
+FIELD_OF_VIEW = 30.0
+"""Vertical, degrees: narrow, so that a robot looks the same wherever it is in the picture."""
+
+FLAT = 0.35
+"""A robot is flat when it is wider than this share of its height or length."""
+
+MARGIN = 1.25
+"""Height of what is seen over that of the robot."""
+
+
+@dataclass(frozen=True)
+class Camera:
+    """Looks at the robot from its right-hand side, so that it runs to the right of the picture.
+
+    Attributes:
+        distance: From the point that it looks at, m.
+        height: Height of that point above the ground, m.
+        pitch: How far it looks down, degrees.
+        yaw: How far it stands ahead of the robot, degrees.
+    """
+
+    distance: float
+    height: float
+    pitch: float
+    yaw: float
+
+    @classmethod
+    def for_robot(cls, model: RobotModel, state: RobotState) -> Camera:
+        """Return the camera for a robot: a flat one is seen from the side, any other from above, too.
+
+        Args:
+            model: The robot.
+            state: Where it is at the start.
+        """
+        low, high = extent(model, state)
+        length, width, height = (b - a for a, b in zip(low, high, strict=True))
+        flat = width < FLAT * max(length, height)
+        size = max(height, 0.75 * (length if flat else math.hypot(length, width)))
+        distance = MARGIN * size / (2.0 * math.tan(math.radians(FIELD_OF_VIEW / 2.0)))
+        return cls(distance, 0.5 * high[2], *((8.0, 0.0) if flat else (25.0, 25.0)))
+
+    def target(self, state: RobotState) -> Vector:
+        """Return the point that it looks at: it follows the robot along the ground, not up and down."""
+        return (state.base.position[0], state.base.position[1], self.height)
+
+    def eye(self, state: RobotState) -> Vector:
+        """Return where it stands."""
+        x, y, z = self.target(state)
+        pitch, yaw = math.radians(self.pitch), math.radians(self.yaw)
+        aside = self.distance * math.cos(pitch)
+        return (
+            x + aside * math.sin(yaw),
+            y - aside * math.cos(yaw),
+            z + self.distance * math.sin(pitch),
+        )
+
+
+def extent(model: RobotModel, state: RobotState) -> tuple[Vector, Vector]:
+    """Return the corners of a box around the shapes of a robot, m, in the world."""
+    poses = link_poses(model, state)
+    low, high = [math.inf] * 3, [-math.inf] * 3
+    for link in model.links:
+        for shape in link.shapes:
+            thick = max(shape.size) if shape.kind in ("box", "mesh") else shape.size[-1]
+            half = 0.5 * shape.size[0] if len(shape.size) == 2 else 0.0
+            for along in (-half, half):
+                end = (poses[link.name] @ shape.pose @ Transform((0.0, 0.0, along))).position
+                low = [min(a, x - thick) for a, x in zip(low, end, strict=True)]
+                high = [max(b, x + thick) for b, x in zip(high, end, strict=True)]
+    return (low[0], low[1], low[2]), (high[0], high[1], high[2])
