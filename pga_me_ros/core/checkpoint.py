@@ -11,6 +11,7 @@ import hashlib
 import json
 import os
 import struct
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -24,8 +25,13 @@ from pga_me_ros.core.folders import sync_folder
 Array = NDArray[Any]
 
 MAGIC = b"PGAMECK1"
+"""Kind of file, and the version of its layout in the last byte."""
+
 ALIGNMENT = 64
 DIGEST_SIZE = 32
+HEADER_MOST = 1 << 20
+"""Bytes at the beginning of a file that hold its header in any case."""
+
 PLAIN_KINDS = "biuf"
 """Array kinds that a file may hold: booleans, integers, floats; never objects."""
 
@@ -76,8 +82,7 @@ def load_checkpoint(path: str | Path) -> tuple[dict[str, Array], dict[str, Any]]
     """
     path = Path(path)
     content = _read(path)
-    if content[: len(MAGIC)] != MAGIC:
-        raise StorageError(f"{path} is no checkpoint of this program (it starts otherwise).")
+    _require_magic(path, bytes(content[: len(MAGIC)]))
     body = memoryview(content)[:-DIGEST_SIZE]
     if hashlib.sha256(body).digest() != content[-DIGEST_SIZE:]:
         raise StorageError(
@@ -95,6 +100,41 @@ def load_checkpoint(path: str | Path) -> tuple[dict[str, Array], dict[str, Any]]
         arrays[entry["name"]] = np.frombuffer(content, dtype, count, offset).reshape(shape)
         offset = _aligned(offset + count * dtype.itemsize)
     return arrays, header["meta"]
+
+
+def checkpoint_shapes(path: str | Path) -> dict[str, tuple[int, ...]]:
+    """Return the shapes of a checkpoint's arrays by name, without reading them or checking its sum.
+
+    Raises:
+        StorageError: The file cannot be read, is no checkpoint, or its header is damaged.
+    """
+    path = Path(path)
+    content = _read(path, HEADER_MOST)
+    _require_magic(path, bytes(content[: len(MAGIC)]))
+    try:
+        start = len(MAGIC) + 8
+        (length,) = struct.unpack("<Q", content[len(MAGIC) : start])
+        header = json.loads(bytes(content[start : start + length]))
+        return {entry["name"]: tuple(entry["shape"]) for entry in header["arrays"]}
+    except (struct.error, ValueError, KeyError, TypeError):
+        raise StorageError(
+            f"Checkpoint {path} is damaged: its header cannot be read. Restore it from a copy, or "
+            "start the run anew."
+        ) from None
+
+
+def _require_magic(path: Path, found: bytes) -> None:
+    if found == MAGIC:
+        return
+    if found[:-1] == MAGIC[:-1] and len(found) == len(MAGIC):
+        raise StorageError(
+            f"Checkpoint {path} has version {found[-1:].decode(errors='replace')!r} of the layout, this "
+            f"program reads {MAGIC[-1:].decode()!r}. Use the pga_me_ros that made it."
+        )
+    raise StorageError(
+        f"{path} is no checkpoint of this program, or its beginning is damaged. Restore it from a "
+        "copy, or start the run anew."
+    )
 
 
 def _header(
@@ -136,10 +176,10 @@ def _write_content(file: BinaryIO, header: bytes, plain: Mapping[str, Array]) ->
     file.write(digest.digest())
 
 
-def _read(path: Path) -> bytearray:
+def _read(path: Path, most: int = sys.maxsize) -> bytearray:
     try:
         with open(path, "rb") as file:
-            content = bytearray(os.fstat(file.fileno()).st_size)
+            content = bytearray(min(os.fstat(file.fileno()).st_size, most))
             file.readinto(content)
     except OSError as error:
         raise StorageError(f"Cannot read checkpoint {path}: {error.strerror}.") from error

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from pga_me_ros.core.checkpoint import load_checkpoint, save_checkpoint
+from pga_me_ros.core.checkpoint import checkpoint_shapes, load_checkpoint, save_checkpoint
 from pga_me_ros.core.errors import RequestError, StorageError
 from pga_me_ros.core.generation_files import GenerationFiles
 from pga_me_ros.core.schedule import evaluation_ids
@@ -124,43 +124,41 @@ class Experience:
         return list(_unpack(arrays))
 
     def window(self, newest: int) -> range:
-        """Return the stored generations up to one that the replay buffer is filled from.
+        """Return the generations that fill the replay buffer, up to one: all, or as many as it holds.
 
         Raises:
-            StorageError: A generation in between is missing.
+            StorageError: One of them is missing, or its file is damaged.
         """
-        if newest < 0:
-            return range(0)
-        stored = [g for g in self._files.generations() if g <= newest]
-        if not stored:
-            raise StorageError(
-                f"The folder '{self._files.directory}' holds no experience up to generation {newest}; "
-                "restore its files or start a new run."
-            )
-        expected = range(stored[0], newest + 1)
-        if stored != list(expected):
-            gap = min(set(expected) - set(stored))
-            raise StorageError(
-                f"The experience of generation {gap} is missing: if it was stored, restore "
-                f"'{self._files.path(gap)}' or start a new run; if not, send its episodes first."
-            )
-        return expected
+        stop = max(newest, -1) + 1
+        transitions, first = 0, stop
+        while first > 0 and transitions < self._settings.replay_size:
+            first -= 1
+            if not self._files.path(first).exists():
+                raise StorageError(
+                    f"The experience of generation {first} is missing: if it was stored, restore "
+                    f"'{self._files.path(first)}' or start a new run; if not, send its episodes first."
+                )
+            transitions += self._length(first)
+        return range(first, stop)
 
     def _staged_episodes(self, generation: int) -> list[Episode]:
         return [e for _, e in sorted(self._staged[generation].items())]
 
     def _length(self, generation: int) -> int:
         if generation not in self._lengths:
-            self._lengths[generation] = sum(e.length for e in self.episodes(generation))
+            # A wrong length that a damaged header tells is found out when the episodes are read.
+            shapes = checkpoint_shapes(self._files.path(generation))
+            self._lengths[generation] = shapes.get("actions", (0,))[0]
         return self._lengths[generation]
 
     def _drop_old(self, newest: int) -> None:
         """Delete files that hold only transitions that the replay buffer has overwritten.
 
-        One generation more than the window is kept: a run that is resumed may train on all but the newest.
+        Two generations more than the window are kept: a run that is resumed may train on all but the newest, and where
+        the outcome of that training is damaged, repeat it without the one before.
         """
         kept = 0
-        for generation in reversed([g for g in self._files.generations() if g < newest]):
+        for generation in reversed([g for g in self._files.generations() if g < newest - 1]):
             if kept >= self._settings.replay_size:
                 self._files.delete(generation)
                 self._lengths.pop(generation, None)

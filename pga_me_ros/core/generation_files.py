@@ -9,6 +9,13 @@ from pga_me_ros.core.errors import StorageError
 from pga_me_ros.core.folders import make_folder
 
 
+def generations_of(directory: Path, stem: str) -> list[int]:
+    """Return the generations that have a file in a folder, ascending; none if there is no such folder."""
+    pattern = re.compile(re.escape(stem) + r"-(\d{8,})\.ckpt")
+    matches = (pattern.fullmatch(path.name) for path in directory.glob(f"{stem}-*.ckpt"))
+    return sorted(int(m[1]) for m in matches if m)
+
+
 class GenerationFiles:
     """The files ``STEM-00000012.ckpt`` of a folder, one per generation.
 
@@ -23,7 +30,6 @@ class GenerationFiles:
     def __init__(self, directory: Path, stem: str) -> None:
         self.directory = directory
         self._stem = stem
-        self._pattern = re.compile(re.escape(stem) + r"-(\d{8,})\.ckpt")
         make_folder(directory)
 
     def path(self, generation: int) -> Path:
@@ -32,8 +38,7 @@ class GenerationFiles:
 
     def generations(self) -> list[int]:
         """Return the generations that have a file, ascending."""
-        matches = (self._pattern.fullmatch(p.name) for p in self.directory.iterdir())
-        return sorted(int(m[1]) for m in matches if m)
+        return generations_of(self.directory, self._stem)
 
     def delete(self, generation: int) -> None:
         """Delete the file of a generation; one that is not there is no error.

@@ -16,6 +16,7 @@ from pga_me_ros.core.policy import controller_shape
 from pga_me_ros.core.run_info import RunInfo, library_versions
 from pga_me_ros.core.settings import RATES, Settings
 from pga_me_ros.core.storage import Repertoire
+from pga_me_ros.core.stored_state import require_sound_state
 from pga_me_ros.tasks.spec import TaskSpec
 
 REPERTOIRE = "repertoire.db"
@@ -126,9 +127,10 @@ def _resume(path: Path, spec: TaskSpec, settings: Settings, lock: FileLock) -> R
         now = settings.replace(**last)
     else:
         now = settings
-    return RunDirectory(
-        path, info.run_id, len(rates), settings.replace(**last), now, tuple(notes), lock
-    )
+    before = settings.replace(**last)
+    if len(rates) < settings.generations:
+        notes += require_sound_state(path, rates, before, now)
+    return RunDirectory(path, info.run_id, len(rates), before, now, tuple(notes), lock)
 
 
 def _rates_of(settings: Settings) -> dict[str, Any]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import sqlite3
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -15,20 +14,19 @@ from pga_me_ros.core.archive import Archive
 from pga_me_ros.core.elites import Elite
 from pga_me_ros.core.errors import StorageError
 from pga_me_ros.core.file_lock import FileLock
-from pga_me_ros.core.folders import sync_folder
+from pga_me_ros.core.generation_files import generations_of
 from pga_me_ros.core.metrics import Metrics
 from pga_me_ros.core.run_info import SCHEMA_VERSION, RunInfo
-from pga_me_ros.core.storage_file import connect, create_file, explained
+from pga_me_ros.core.storage_file import connect, create_file, explained, require_no_loss
 from pga_me_ros.core.storage_rows import (
-    SCHEMA,
     Damaged,
+    Generation,
     Row,
-    archive_to_row,
     elite_to_row,
     metrics_to_row,
     row_to_archive,
     row_to_elite,
-    row_to_metrics,
+    row_to_generation,
     xor_digests,
 )
 
@@ -80,7 +78,7 @@ class Repertoire:
             path.parent.mkdir(parents=True, exist_ok=True)
             lock = FileLock(Path(f"{path}.lock"))
             try:
-                _create(path, info, archive)
+                create_file(path, info, archive)
                 return cls(path, connect(path, read_only=False), lock)
             except BaseException:
                 lock.release()
@@ -100,16 +98,30 @@ class Repertoire:
                 not accessible, or being written by another process.
         """
         path = Path(path)
+        # Listed first: a writer that is under way may add to both meanwhile.
+        stored = generations_of(path.parent / "experience", "experience")
         if read_only:
-            return cls(path, connect(path, read_only=True), None)
+            return cls._opened(path, None, stored)
         if not path.is_file():
             connect(path, read_only=True)
         lock = FileLock(Path(f"{path}.lock"), wait=PREDECESSOR_WAIT)
         try:
-            return cls(path, connect(path, read_only=False), lock)
+            return cls._opened(path, lock, stored)
         except BaseException:
             lock.release()
             raise
+
+    @classmethod
+    def _opened(cls, path: Path, lock: FileLock | None, stored: Sequence[int]) -> Repertoire:
+        """Open a file beside the experience of some generations; see `open`."""
+        connection = connect(path, read_only=lock is None)
+        try:
+            repertoire = cls(path, connection, lock)
+            require_no_loss(path, repertoire.last_generation, stored)
+        except BaseException:
+            connection.close()
+            raise
+        return repertoire
 
     @property
     def last_generation(self) -> int:
@@ -118,8 +130,8 @@ class Repertoire:
         Raises:
             StorageError: The file is damaged.
         """
-        last = self._last()
-        return -1 if last is None else last[0].generation
+        last = self.last()
+        return -1 if last is None else last.metrics.generation
 
     def commit(
         self,
@@ -181,11 +193,38 @@ class Repertoire:
             for row in self._connection.execute("SELECT * FROM elites ORDER BY cell"):
                 archive.put(row_to_elite(row, archive))
                 digests.append(row[-1])
-            last = self._last()
-            expected = (0, xor_digests([])) if last is None else (last[0].coverage, last[2])
+            last = self.last()
+            expected = (
+                (0, xor_digests([]))
+                if last is None
+                else (last.metrics.coverage, last.elites_digest)
+            )
             if (len(archive), xor_digests(digests)) != expected:
                 raise Damaged("its elites are not those of its last generation")
         return archive
+
+    def generations(self) -> list[Generation]:
+        """Return what is stored of each generation beside its elites, in order.
+
+        Raises:
+            StorageError: A row is damaged or missing.
+        """
+        with explained(self.path):
+            query = "SELECT * FROM generations ORDER BY generation"
+            rows = [row_to_generation(row) for row in self._connection.execute(query)]
+            if [row.metrics.generation for row in rows] != list(range(len(rows))):
+                raise Damaged("the row of a generation is missing")
+        return rows
+
+    def last(self) -> Generation | None:
+        """Return what is stored of the last committed generation, None if there is none.
+
+        Raises:
+            StorageError: Its row is damaged.
+        """
+        with explained(self.path):
+            row = self._connection.execute(LAST_GENERATION).fetchone()
+            return None if row is None else row_to_generation(row)
 
     def metrics(self) -> list[Metrics]:
         """Return the metrics of all generations, in order.
@@ -193,7 +232,7 @@ class Repertoire:
         Raises:
             StorageError: A row is damaged or missing.
         """
-        return [metrics for metrics, _ in self._generations()]
+        return [generation.metrics for generation in self.generations()]
 
     def rates(self) -> list[dict[str, Any]]:
         """Return the rates that were in force in each generation, in order.
@@ -201,7 +240,7 @@ class Repertoire:
         Raises:
             StorageError: A row is damaged or missing.
         """
-        return [rates for _, rates in self._generations()]
+        return [generation.rates for generation in self.generations()]
 
     def result_digest(self) -> str:
         """Return the SHA-256 of cells and elites: equal for bit for bit equal repertoires.
@@ -240,19 +279,6 @@ class Repertoire:
             raise Damaged("the run's description is missing")
         return row
 
-    def _last(self) -> tuple[Metrics, dict[str, Any], bytes] | None:
-        with explained(self.path):
-            row = self._connection.execute(LAST_GENERATION).fetchone()
-            return None if row is None else row_to_metrics(row)
-
-    def _generations(self) -> list[tuple[Metrics, dict[str, Any]]]:
-        with explained(self.path):
-            query = "SELECT * FROM generations ORDER BY generation"
-            rows = [row_to_metrics(row) for row in self._connection.execute(query)]
-            if [m.generation for m, _, _ in rows] != list(range(len(rows))):
-                raise Damaged("the row of a generation is missing")
-        return [(metrics, rates) for metrics, rates, _ in rows]
-
     def _insert(self, table: str, rows: Sequence[Row]) -> None:
         if rows:
             marks = ", ".join("?" * len(rows[0]))
@@ -268,21 +294,3 @@ class Repertoire:
             if self._connection.in_transaction:
                 self._connection.execute("ROLLBACK")
             raise
-
-
-def _create(path: Path, info: RunInfo, archive: Archive) -> None:
-    """Make the file under another name and rename it, so that there is never half a file."""
-    for present in (path, Path(f"{path}-wal")):
-        if present.exists():
-            raise StorageError(
-                f"'{present}' exists already; go on with its run or choose another run_dir."
-            )
-    new = Path(f"{path}.new")
-    connection = create_file(new, SCHEMA)
-    try:
-        row = archive_to_row(info, archive)
-        connection.execute("INSERT INTO run VALUES (0, ?, ?, ?, ?)", row)
-    finally:
-        connection.close()
-    os.replace(new, path)
-    sync_folder(path.parent)

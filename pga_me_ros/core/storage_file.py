@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import os
 import sqlite3
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from urllib.parse import quote
 
+from pga_me_ros.core.archive import Archive
 from pga_me_ros.core.errors import StorageError
-from pga_me_ros.core.run_info import SCHEMA_VERSION
-from pga_me_ros.core.storage_rows import Damaged
+from pga_me_ros.core.folders import sync_folder
+from pga_me_ros.core.run_info import SCHEMA_VERSION, RunInfo
+from pga_me_ros.core.storage_rows import SCHEMA, Damaged, archive_to_row
 
 APPLICATION_ID = 0x5047414D
 """Marks a repertoire among SQLite files: "PGAM"."""
@@ -78,8 +81,49 @@ def connect(path: Path, read_only: bool) -> sqlite3.Connection:
     return connection
 
 
-def create_file(path: Path, schema: str) -> sqlite3.Connection:
-    """Make an empty database with a schema in a single file; fill it, close it and rename it."""
+def create_file(path: Path, info: RunInfo, archive: Archive) -> None:
+    """Make a repertoire file without generations, under another name first, so that there is never half a file.
+
+    Raises:
+        StorageError: There is one already, or a log that would be taken for its own.
+        OSError: The folder cannot be written.
+    """
+    for present in (path, Path(f"{path}-wal")):
+        if present.exists():
+            raise StorageError(
+                f"'{present}' exists already; go on with its run or choose another run_dir."
+            )
+    new = Path(f"{path}.new")
+    connection = _empty_file(new)
+    try:
+        row = archive_to_row(info, archive)
+        connection.execute("INSERT INTO run VALUES (0, ?, ?, ?, ?)", row)
+    finally:
+        connection.close()
+    os.replace(new, path)
+    sync_folder(path.parent)
+
+
+def require_no_loss(path: Path, last: int, stored: Sequence[int]) -> None:
+    """Make sure that the file ends where its run does.
+
+    SQLite passes over a log that is damaged or gone, and what is left is whole: an older state of the same run. The
+    experience of a generation is stored before it is committed, that of the next one never.
+
+    Raises:
+        StorageError: There is experience of a generation that the file cannot have reached.
+    """
+    if stored and stored[-1] > last + 1:
+        raise StorageError(
+            f"'{path}' ends with generation {last}, but its run stored experience of generation "
+            f"{stored[-1]}: what was committed since is lost. Its log '{path.name}-wal' is missing or "
+            "damaged, or an older copy was put in its place. Restore the whole folder from a copy; to "
+            f"use it as of generation {last}, copy the file elsewhere."
+        )
+
+
+def _empty_file(path: Path) -> sqlite3.Connection:
+    """Make a database with empty tables in a single file; fill it, close it and rename it."""
     for leftover in (path, Path(f"{path}-journal")):
         leftover.unlink(missing_ok=True)
     connection = _open(path, "mode=rwc")
@@ -87,7 +131,7 @@ def create_file(path: Path, schema: str) -> sqlite3.Connection:
     connection.execute("PRAGMA synchronous = FULL")
     connection.execute(f"PRAGMA application_id = {APPLICATION_ID}")
     connection.execute(f"PRAGMA user_version = {SCHEMA_VERSION}")
-    connection.executescript(schema)
+    connection.executescript(SCHEMA)
     return connection
 
 

@@ -10,7 +10,7 @@ import hashlib
 import json
 import struct
 from collections.abc import Mapping, Sequence
-from dataclasses import fields
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -178,8 +178,25 @@ def metrics_to_row(
         ) from None
 
 
-def row_to_metrics(row: Row) -> tuple[Metrics, dict[str, Any], bytes]:
-    """Return metrics, rates and the digest of all elites of `metrics_to_row`.
+@dataclass(frozen=True)
+class Generation:
+    """What a repertoire file says of one generation.
+
+    Attributes:
+        metrics: Its metrics.
+        rates: The rates that were in force.
+        committed: Time of the commit, ISO 8601 in UTC.
+        elites_digest: XOR of the digests of all elites after it.
+    """
+
+    metrics: Metrics
+    rates: dict[str, Any]
+    committed: str
+    elites_digest: bytes
+
+
+def row_to_generation(row: Row) -> Generation:
+    """Return what `metrics_to_row` made a row of.
 
     Raises:
         Damaged: The row is damaged.
@@ -193,7 +210,8 @@ def row_to_metrics(row: Row) -> tuple[Metrics, dict[str, Any], bytes]:
         raise Damaged(f"the row of generation {row[0]!r} is damaged")
     values = dict(zip(METRICS, columns, strict=False))
     values |= {name: tuple(json.loads(values[name])) for name in _PER_OPERATOR}
-    return Metrics(**values), json.loads(columns[len(METRICS)]), elites_digest
+    rates, committed = columns[len(METRICS) :]
+    return Generation(Metrics(**values), json.loads(rates), committed, elites_digest)
 
 
 def xor_digests(digests: Sequence[bytes]) -> bytes:

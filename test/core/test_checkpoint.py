@@ -7,7 +7,7 @@ import pickle
 import numpy as np
 import pytest
 
-from pga_me_ros.core.checkpoint import load_checkpoint, save_checkpoint
+from pga_me_ros.core.checkpoint import checkpoint_shapes, load_checkpoint, save_checkpoint
 from pga_me_ros.core.errors import StorageError
 
 ARRAYS = {
@@ -69,6 +69,24 @@ def test_every_flipped_byte_is_refused(saved):
         saved.write_bytes(damaged)
         with pytest.raises(StorageError, match=r"critic\.ckpt"):
             load_checkpoint(saved)
+
+
+def test_a_file_of_another_version_is_told_apart_from_a_damaged_one(saved):
+    content = bytearray(saved.read_bytes())
+    content[7:8] = b"2"
+    saved.write_bytes(content)
+    for read in (load_checkpoint, checkpoint_shapes):
+        with pytest.raises(StorageError, match=r"critic\.ckpt has version '2'.* reads '1'"):
+            read(saved)
+
+
+def test_shapes_are_told_by_the_beginning_of_the_file(saved):
+    content = saved.read_bytes()
+    assert checkpoint_shapes(saved) == {name: a.shape for name, a in ARRAYS.items()}
+    for length in range(40):
+        saved.write_bytes(content[:length])
+        with pytest.raises(StorageError, match=r"critic\.ckpt"):
+            checkpoint_shapes(saved)
 
 
 def test_a_pickle_is_refused_and_not_run(tmp_path):

@@ -166,13 +166,13 @@ def test_a_gap_in_the_window_is_told(tmp_path, gap):
 
 
 def test_a_window_of_which_nothing_is_left_is_told(tmp_path):
-    with pytest.raises(StorageError, match="no experience up to generation 3"):
+    with pytest.raises(StorageError, match="experience of generation 3 is missing"):
         Experience(tmp_path, SMALL).window(3)
 
 
 @pytest.mark.parametrize("restarted", [False, True], ids=["same-process", "new-process"])
 def test_what_the_replay_buffer_has_overwritten_is_deleted(tmp_path, restarted):
-    """Without the newest generation, what is left still fills the buffer, with no file to spare."""
+    """Without the two newest generations, what is left still fills the buffer, with no file to spare."""
     settings = SMALL.replace(replay_size=100)
     for generation in range(12):
         if restarted or not generation:
@@ -180,14 +180,29 @@ def test_what_the_replay_buffer_has_overwritten_is_deleted(tmp_path, restarted):
         for k in range(4 * generation, 4 * generation + 4):
             experience.stage(generation, k, episode(k))
         experience.store(generation)
-    lengths = [sum(e.length for e in experience.episodes(g)) for g in experience.window(10)]
+    lengths = [sum(e.length for e in experience.episodes(g)) for g in experience.window(9)]
     assert sum(lengths) >= 100 > sum(lengths[1:])
+    assert not file_of(tmp_path, 9 - len(lengths)).exists()
+
+
+def test_the_window_is_no_longer_than_what_the_replay_buffer_holds(tmp_path):
+    experience = stored(tmp_path, range(12))
+    wanted = sum(e.length for g in (10, 11) for e in experience.episodes(g))
+    settings = SMALL.replace(replay_size=wanted)
+    assert list(Experience(tmp_path, settings).window(11)) == [10, 11]
+
+
+def test_a_window_that_has_lost_its_beginning_is_told(tmp_path):
+    stored(tmp_path, range(4))
+    file_of(tmp_path, 0).unlink()
+    with pytest.raises(StorageError, match="generation 0 is missing"):
+        Experience(tmp_path, SMALL).window(3)
 
 
 def test_other_files_in_the_folder_are_left_alone(tmp_path):
     for name in ("experience-00000000.ckpt.tmp", "notes.txt", "experience-1.ckpt"):
         (tmp_path / name).touch()
-    experience = stored(tmp_path, range(4), SMALL.replace(replay_size=1))
-    assert list(experience.window(3)) == [2, 3]
+    stored(tmp_path, range(4), SMALL.replace(replay_size=1))
+    assert not file_of(tmp_path, 0).exists()
     assert (tmp_path / "notes.txt").exists()
     assert (tmp_path / "experience-1.ckpt").exists()

@@ -138,7 +138,7 @@ def test_experience_that_was_lost_on_disk_is_told(tmp_path):
 
 def test_a_folder_that_cannot_be_made_is_told(tmp_path):
     (tmp_path / "file").touch()
-    with pytest.raises(StorageError, match="choose a run_dir"):
+    with pytest.raises(StorageError, match="give run_dir a folder"):
         DurableLearner(Lane.spec, BRIEF, tmp_path / "file" / "run")
 
 
