@@ -12,7 +12,7 @@ from pga_me_ros.core.checkpoint import checkpoint_shapes, load_checkpoint, save_
 from pga_me_ros.core.errors import RequestError, StorageError
 from pga_me_ros.core.generation_files import GenerationFiles
 from pga_me_ros.core.schedule import evaluation_ids
-from pga_me_ros.core.settings import Settings
+from pga_me_ros.core.settings import INT64_MAX, Settings
 from pga_me_ros.tasks.rollout import Episode
 
 
@@ -34,6 +34,8 @@ class Experience:
         self._files = GenerationFiles(directory, "experience")
         self._settings = settings
         self._staged: dict[int, dict[int, Episode]] = {}
+        self._stored = -1  # newest generation that was stored by this object, rather than before
+        self._expected = max(self._files.generations(), default=-1)
         self._lengths: dict[int, int] = {}
 
     def stage(self, generation: int, evaluation: int, episode: Episode) -> bool:
@@ -46,7 +48,7 @@ class Experience:
             RequestError: The evaluation is not of that generation.
         """
         ids = evaluation_ids(self._settings, generation)
-        if evaluation not in ids:
+        if generation < 0 or evaluation not in ids:
             raise RequestError(
                 f"Evaluation {evaluation} is not of generation {generation}, which has "
                 f"{ids.start} to {ids.stop - 1}."
@@ -65,6 +67,31 @@ class Experience:
         """
         staged = self._staged.get(generation, {})
         return [k for k in evaluation_ids(self._settings, generation) if k not in staged]
+
+    @property
+    def stored(self) -> int:
+        """Newest generation that was stored by this object, -1 for none."""
+        return self._stored
+
+    def awaits(self, generation: int) -> bool:
+        """Whether somebody may still ask for episodes of a generation: not of one that is over, or far ahead."""
+        return self._stored <= generation <= max(self._stored, self._expected) + 1
+
+    def expect(self, generation: int) -> None:
+        """Say that a generation is about to be stored, so that its episodes are taken.
+
+        A run may go on where no file tells: after its folder was restored from a copy, or lost.
+
+        Raises:
+            RequestError: A later generation is stored already, or there is none of that number.
+        """
+        last = evaluation_ids(self._settings, generation).stop
+        if not max(self._stored, 0) <= generation or last > INT64_MAX:
+            raise RequestError(
+                f"The experience of generation {generation} cannot be stored; the newest stored now is of "
+                f"generation {self._stored}."
+            )
+        self._expected = max(self._expected, generation)
 
     def drop_others(self, generation: int, fitness: NDArray[np.float64]) -> None:
         """Drop episodes that are not those of a generation's evaluations.
@@ -97,8 +124,9 @@ class Experience:
         episodes = self._staged_episodes(generation)
         save_checkpoint(self._files.path(generation), _pack(episodes), {"generation": generation})
         self._lengths[generation] = sum(e.length for e in episodes)
-        for old in [g for g in self._staged if g < generation - 1]:
-            del self._staged[old]
+        self._stored = self._expected = generation
+        for other in [g for g in self._staged if abs(g - generation) > 1]:
+            del self._staged[other]
         self._drop_old(generation)
 
     def episodes(self, generation: int) -> Sequence[Episode]:

@@ -16,6 +16,8 @@ from pga_me_ros.nodes.options import RunOptions
 from pga_me_ros.nodes.terminal import CalmLogger, Terminal
 from pga_me_ros.ros import names
 from pga_me_ros.ros.parameters import declare_run, on_change
+from pga_me_ros.ros.refusals import CalmRefusals
+from pga_me_ros.ros.shield import shield
 
 
 class Control(Node):
@@ -32,6 +34,8 @@ class Control(Node):
     def __init__(self) -> None:
         self.terminal = Terminal()
         super().__init__("orchestrator", automatically_declare_parameters_from_overrides=True)
+        refusals = CalmRefusals()
+        shield(self, lambda reason: self._warn(refusals.line(reason)))
         self.settings, options = declare_run(self, RunOptions)
         self.options = RunOptions(**options)
         self.stop_requested = threading.Event()
@@ -44,6 +48,10 @@ class Control(Node):
     def get_logger(self) -> RcutilsLogger | CalmLogger:
         """Return a logger that does not write into the line of progress."""
         return CalmLogger(super().get_logger(), self.terminal)
+
+    def _warn(self, line: str | None) -> None:
+        if line is not None:
+            self.get_logger().warning(line)
 
     def take_rates(self, settings: Settings) -> None:
         """Take the rates of a resumed run as they are in force, for the parameters to show."""

@@ -61,6 +61,7 @@ class CriticSide:
         self._waiter = waiter
         self._incarnation = incarnation
         self._snapshots: dict[int, Snapshot] = {}
+        self._ordered: set[int] = set()
         self.reevaluations = 0
         node.create_subscription(CriticSnapshot, names.SNAPSHOT, self._take, qos.LATCHED)
         self._best = node.create_client(GetBehavior, names.GET_BEHAVIOR)
@@ -78,6 +79,8 @@ class CriticSide:
         request.rates = rates_to_msg(settings)
         if settings.greedy_init == "best":
             request.greedy = self._best_controller()
+        newest = max(self._ordered, default=0)
+        self._ordered = {g for g in self._ordered if g >= newest - 1} | {order.generation}
         accepted(self._waiter, self._clients.train, request)
 
     def wait_for(self, order: TrainingOrder) -> None:
@@ -141,8 +144,8 @@ class CriticSide:
         return flat(np.asarray(response.controller.parameters, np.float32), "f")
 
     def _take(self, msg: CriticSnapshot) -> None:
-        if msg.run_id != self._run_id:
-            return
+        if msg.run_id != self._run_id or msg.generation not in self._ordered:
+            return  # of another run, or of no training of ours: one that is ordered later comes again
         try:
             snapshot = snapshot_from_msg(msg)
         except PgaError as error:

@@ -21,7 +21,7 @@ from pga_me_ros.core.snapshot import Snapshot
 from pga_me_ros.nodes.options import ChildOptions
 from pga_me_ros.ros import names, qos
 from pga_me_ros.ros.command_line import Program
-from pga_me_ros.ros.convert import episode_from_msg, shaped, snapshot_to_msg, with_rates
+from pga_me_ros.ros.convert import episode_from_msg, finite, shaped, snapshot_to_msg, with_rates
 from pga_me_ros.ros.graph_node import GraphNode
 from pga_me_ros.ros.parameters import declare_run
 from pga_me_ros.ros.process import run_node
@@ -53,6 +53,12 @@ class CriticTrainerNode(GraphNode):
     def _take_episode(self, msg: Transitions) -> None:
         try:
             self.check_run(msg.run_id, self._run_id)
+            if 0 <= msg.generation < self._learner.experience.stored:
+                return  # of an evaluation that was given to two: the run is beyond it
+            if not self._learner.experience.awaits(msg.generation):
+                raise RequestError(
+                    f"Evaluation {msg.evaluation} is of generation {msg.generation}, which is over or far ahead."
+                )
             episode = episode_from_msg(msg, self._spec)
             self._learner.experience.stage(msg.generation, msg.evaluation, episode)
         except PgaError as error:
@@ -60,7 +66,9 @@ class CriticTrainerNode(GraphNode):
 
     def _store(self, request: StoreExperience.Request, response: StoreExperience.Response) -> None:
         self.check_run(request.run_id, self._run_id)
-        fitness = shaped(request.fitness, (self._settings.batch_size,), np.float64, "fitness")
+        b = self._settings.batch_size
+        fitness = finite(shaped(request.fitness, (b,), np.float64, "fitness"), "fitness")
+        self._learner.experience.expect(request.generation)
         self._learner.experience.drop_others(request.generation, fitness)
         missing = self._learner.experience.missing(request.generation)
         if missing:
@@ -76,6 +84,7 @@ class CriticTrainerNode(GraphNode):
             raise RequestError(self._fault)
         settings = with_rates(self._settings, request.rates)
         order = TrainingOrder.of(request.generation, request.experience, settings)
+        self._check_order(order)
         under_way = self._training
         if under_way == order:
             return
@@ -90,6 +99,25 @@ class CriticTrainerNode(GraphNode):
             self._learner.prepare(order, self._greedy_start(request))
             self._training = order
             threading.Thread(target=self._work, args=(order,), daemon=True).start()
+
+    def _check_order(self, order: TrainingOrder) -> None:
+        """Refuse a training that the generation loop never asks for.
+
+        Its outcome would take the place of later ones: see `CriticCheckpoints.save`.
+
+        Raises:
+            RequestError: It is for a generation that is over, or on experience of the wrong one.
+        """
+        stored = self._learner.experience.stored
+        if order.generation <= stored:
+            raise RequestError(
+                f"Training for generation {order.generation} comes too late: generation {stored} is stored."
+            )
+        if order.experience < -1 or not 1 <= order.generation - order.experience <= 2:
+            raise RequestError(
+                f"Training for generation {order.generation} on the experience up to {order.experience} makes no "
+                "sense; expected one or two generations less."
+            )
 
     def _greedy_start(self, request: Train.Request) -> NDArray[np.float32] | None:
         """Return the (P,) controller that the greedy one starts at, None for a random start."""

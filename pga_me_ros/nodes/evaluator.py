@@ -108,8 +108,10 @@ class Evaluator(GraphNode):
                 "start one with the parameter task set to that."
             )
         ids = np.asarray(request.evaluations, np.int64)
-        if ids.size == 0 or ids.min() < 0 or request.seed < 0:
-            raise RequestError("Give at least one evaluation id; ids and seed must be at least 0.")
+        if ids.size == 0 or min(ids.min(), request.seed, request.generation) < 0:
+            raise RequestError(
+                "Give at least one evaluation id; ids, seed and generation must be at least 0."
+            )
         shape = MlpShape(tuple(int(n) for n in request.layer_sizes))
         if (shape.sizes[0], shape.sizes[-1]) != (self._spec.observation_dim, self._spec.action_dim):
             raise RequestError(

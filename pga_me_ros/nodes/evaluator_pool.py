@@ -18,6 +18,8 @@ from rclpy.node import Node
 from pga_me_ros.core.errors import PgaError
 from pga_me_ros.nodes.evaluator_work import Chunk, Job, Outcome, Worker
 from pga_me_ros.ros.convert import evaluated_from_msg, flat
+from pga_me_ros.ros.namesakes import offers_service
+from pga_me_ros.ros.refusals import printable
 
 SILENCE = 5.0
 """Seconds without a sign of life after which an evaluator's work is given to others."""
@@ -30,6 +32,9 @@ SETTLE = 1.0
 
 REFUSALS = 3
 """Refusals in a row after which an evaluator gets no more work; when none is left, the run gives up."""
+
+MOST_WARNINGS = 1000
+"""Evaluators of no use that are told of; further ones are passed over in silence."""
 
 RIVAL = 2.5
 """Seconds since an evaluator's last sign of life within which another process cannot take its name."""
@@ -178,6 +183,8 @@ class EvaluatorPool:
             return
         known = msg.node in self._clients
         if not known:
+            if not offers_service(self._node, f"{msg.node}/evaluate"):
+                return  # its next sign of life comes in a second
             # Clients are kept for good: destroying one while the executor waits for it is an error in rclpy.
             self._clients[msg.node] = self._node.create_client(Evaluate, f"{msg.node}/evaluate")
         self._workers[msg.node] = Worker(
@@ -201,9 +208,9 @@ class EvaluatorPool:
         return False
 
     def _warn_once(self, who: tuple[str, str, int], text: str) -> None:
-        if who not in self._warned:
+        if who not in self._warned and len(self._warned) < MOST_WARNINGS:
             self._warned.add(who)
-            self._node.get_logger().warning(text)
+            self._node.get_logger().warning(printable(text))
 
     def _put_back(self, chunk: Chunk) -> None:
         waiting = set(self._queue)

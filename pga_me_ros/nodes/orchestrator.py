@@ -14,6 +14,7 @@ from types import FrameType
 
 import rclpy
 from pga_me_msgs.msg import Progress
+from rclpy.clock import Clock, ClockType
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 
@@ -29,6 +30,7 @@ from pga_me_ros.ros import names, qos
 from pga_me_ros.ros.command_line import Program, start
 from pga_me_ros.ros.namesakes import LISTEN, listening_time
 from pga_me_ros.ros.process import report
+from pga_me_ros.ros.refusals import printable
 from pga_me_ros.tasks.registry import task_spec
 
 HEARTBEAT = 1.0
@@ -93,7 +95,10 @@ def lead(control: Control, signals: Signals) -> int:
     )
     control.take_rates(directory.settings)
     progress = ProgressReporter(control)
-    timer = control.create_timer(HEARTBEAT, progress.publish)
+    # Steady: anybody may set use_sim_time, and a simulated clock may stand still.
+    timer = control.create_timer(
+        HEARTBEAT, progress.publish, clock=Clock(clock_type=ClockType.STEADY_TIME)
+    )
     run = Run(control, spec, directory, options, progress)
     progress.say(started(directory))
     try:
@@ -169,17 +174,17 @@ def require_free_name(control: Control) -> None:
     waiter = Waiter(lambda: stop_if_asked(control))
 
     def take(msg: Progress) -> None:
-        if (msg.host, msg.pid) != (socket.gethostname(), os.getpid()):
+        if not heard and (msg.host, msg.pid) != (socket.gethostname(), os.getpid()):
             heard.append(msg)
             waiter.wake()
 
     control.create_subscription(Progress, names.PROGRESS, take, qos.LATCHED)
     waiter.until(lambda: bool(heard), LISTEN)
     if waiter.until(lambda: bool(heard), listening_time(control, control.get_name()) - LISTEN):
+        who = printable(f"process {heard[0].pid} on {heard[0].host}, task {heard[0].task}")
         raise PgaError(
-            f"Another orchestrator runs as {control.get_fully_qualified_name()} (process "
-            f"{heard[0].pid} on {heard[0].host}, task {heard[0].task}). Stop it, or give this one a "
-            "namespace (--ros-args -r __ns:=/NAME) or another ROS_DOMAIN_ID."
+            f"Another orchestrator runs as {control.get_fully_qualified_name()} ({who}). "
+            "Stop it, or give this one a namespace (--ros-args -r __ns:=/NAME) or another ROS_DOMAIN_ID."
         )
 
 

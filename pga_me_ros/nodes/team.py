@@ -19,6 +19,7 @@ from pga_me_ros.nodes.children import Children
 from pga_me_ros.nodes.evaluator_pool import EvaluatorPool
 from pga_me_ros.ros.command_line import remappings
 from pga_me_ros.ros.namesakes import listening_time
+from pga_me_ros.ros.refusals import printable
 
 SINGLETONS = ("archive_manager", "critic_trainer", "variation")
 """Nodes of which a run has one each; their kind is their name."""
@@ -82,11 +83,12 @@ class Team:
         """Take a node's sign of life."""
         name = msg.node.removeprefix(self._prefix)
         if msg.pid in self.children.pids and msg.host == socket.gethostname():
-            if (name, msg.pid) not in self._alive:
+            ours = name in self.children.names() and self.children.pid(name) == msg.pid
+            if ours and (name, msg.pid) not in self._alive:
                 self._alive.add((name, msg.pid))
                 self.arrivals += 1
         elif msg.kind in SINGLETONS:
-            self._foreign = f"{msg.node} (process {msg.pid} on {msg.host})"
+            self._foreign = printable(f"{msg.node} (process {msg.pid} on {msg.host})")
 
     def ready(self) -> bool:
         """Whether every child has said that it is up, and nobody else has the names of ours.

@@ -14,7 +14,7 @@ from pga_me_msgs.srv import Propose
 from pga_me_ros.core.errors import PgaError, RequestError
 from pga_me_ros.core.offspring import ga_offspring, pg_states, random_controllers
 from pga_me_ros.core.pg_variation import pg_variation
-from pga_me_ros.core.policy import controller_shape
+from pga_me_ros.core.policy import controller_shape, critic_shape
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.core.snapshot import Snapshot
 from pga_me_ros.nodes.options import ChildOptions
@@ -26,6 +26,9 @@ from pga_me_ros.ros.parameters import declare_run
 from pga_me_ros.ros.process import run_node
 from pga_me_ros.tasks.registry import task_spec
 
+KEPT = 3
+"""Critic snapshots that are kept: two are in use at a time."""
+
 
 class Variation(GraphNode):
     """Makes the controllers that the orchestrator asks for, from parents and the newest critic snapshot."""
@@ -34,7 +37,8 @@ class Variation(GraphNode):
         super().__init__("variation")
         self._settings, options = declare_run(self, ChildOptions)
         self._run_id = options["run_id"]
-        self._shape = controller_shape(task_spec(self._settings.task), self._settings)
+        self._spec = task_spec(self._settings.task)
+        self._shape = controller_shape(self._spec, self._settings)
         self._snapshots: dict[int, Snapshot] = {}
         self._answered: tuple[Propose.Request, array.array[float]] | None = None
         self.create_subscription(CriticSnapshot, names.SNAPSHOT, self._take_snapshot, qos.LATCHED)
@@ -47,18 +51,44 @@ class Variation(GraphNode):
         try:
             self.check_run(msg.run_id, self._run_id)
             snapshot = snapshot_from_msg(msg)
-            if snapshot.greedy_shape != self._shape:
-                raise RequestError(
-                    f"its controllers have layers {snapshot.greedy_shape.sizes}, the run's have "
-                    f"{self._shape.sizes}."
-                )
+            self._check_fit(snapshot)
         except PgaError as error:
             self.refused(f"dropped a critic snapshot: {error}")
         else:
-            # The next generation's snapshot may come while this one's offspring are still made.
+            # The next generation's snapshot may come while this one's offspring are still made. What came last is kept,
+            # not what has the highest number: one that is missed can be asked for again, a stray one is never used.
+            self._snapshots.pop(snapshot.generation, None)
             self._snapshots[snapshot.generation] = snapshot
-            for old in [g for g in self._snapshots if g < snapshot.generation - 1]:
-                del self._snapshots[old]
+            while len(self._snapshots) > KEPT:
+                del self._snapshots[next(iter(self._snapshots))]
+
+    def _check_fit(self, snapshot: Snapshot) -> None:
+        """Refuse a snapshot of other networks or states than the run's.
+
+        Raises:
+            RequestError: It is one.
+        """
+        s = self._settings
+        sets = 1 if s.pg_batches == "shared" else s.batch_size
+        expected = {
+            "layers of the greedy controller": self._shape.sizes,
+            "layers of the critic": critic_shape(self._spec, s).sizes,
+            "sets, batch size and entries of its states": (
+                sets,
+                s.transition_batch,
+                self._spec.observation_dim,
+            ),
+        }
+        found = (
+            snapshot.greedy_shape.sizes,
+            snapshot.critic_shape.sizes,
+            tuple(np.delete(snapshot.states.shape, 1).tolist()),
+        )
+        for (what, ours), theirs in zip(expected.items(), found, strict=True):
+            if theirs != ours:
+                raise RequestError(f"{what} are {theirs}, the run's are {ours}.")
+        if snapshot.generation < 0 or not snapshot.states.size:
+            raise RequestError("its generation is negative, or it holds no states.")
 
     def _propose(self, request: Propose.Request, response: Propose.Response) -> None:
         if self._answered and request == self._answered[0]:

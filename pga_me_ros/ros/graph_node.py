@@ -18,9 +18,14 @@ from rclpy.service import Service
 
 from pga_me_ros.core.errors import PgaError, RequestError
 from pga_me_ros.ros import names, qos
+from pga_me_ros.ros.refusals import CalmRefusals, printable
+from pga_me_ros.ros.shield import shield
 
 HEARTBEAT = 1.0
 """Seconds between two signs of life."""
+
+LONGEST_ANSWER = 2000
+"""Characters of a refusal that are sent back: enough for every cause, whatever the request held."""
 
 Handler = Callable[[Any, Any], None]
 
@@ -40,6 +45,8 @@ class GraphNode(Node):
 
     def __init__(self, kind: str, name: str = "") -> None:
         super().__init__(name or kind, automatically_declare_parameters_from_overrides=True)
+        self._refusals = CalmRefusals()
+        shield(self, self.refused)
         self._beat = NodeStatus(
             node=self.get_fully_qualified_name(),
             kind=kind,
@@ -111,13 +118,15 @@ class GraphNode(Node):
     def refused(self, reason: str) -> None:
         """Note a refusal or a message that was dropped, in the log and in the status."""
         self._beat.refused += 1
-        self._beat.last_error = reason[:500]
-        self.get_logger().warning(reason[:2000])
+        self._beat.last_error = printable(reason)
+        line = self._refusals.line(self._beat.last_error)
+        if line is not None:
+            self.get_logger().warning(line)
 
     def _refuse(self, response: Any, ok_field: str, name: str, reason: str) -> None:
         self.refused(f"refused a request to {name}: {reason}")
         setattr(response, ok_field, False)
-        response.message = reason
+        response.message = printable(reason, LONGEST_ANSWER)
 
     def _live(self) -> None:
         while not self._ended.is_set():

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from rclpy._rclpy_pybind11 import RCLError
+from rclpy.exceptions import NameValidationException
 from rclpy.node import Node
 
 LISTEN = 1.5
@@ -24,3 +26,16 @@ def listening_time(node: Node, *names: str) -> float:
     there = node.get_node_names_and_namespaces()
     taken = any(there.count((name, node.get_namespace())) > 1 for name in names)
     return LISTEN_ON if taken else LISTEN
+
+
+def offers_service(node: Node, name: str) -> bool:
+    """Return whether a service is there; anybody may tell a name, even one that can be none.
+
+    Args:
+        node: Node to look at the graph with.
+        name: Name of the service before remapping.
+    """
+    try:
+        return node.count_services(node.resolve_service_name(name)) > 0
+    except (ValueError, RuntimeError, RCLError, NameValidationException):
+        return False
