@@ -25,6 +25,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from pga_me_ros.core.errors import SettingsError, nearest_name
 from pga_me_ros.ros import names, qos
+from pga_me_ros.ros.environment import prepare_environment
 from pga_me_ros.ros.process import report
 
 EVALUATIONS = 5000
@@ -212,6 +213,7 @@ def main() -> int:
     """Run the demonstration."""
     signals = Signals()
     try:
+        prepare_environment()
         return demonstrate(Arguments.parse(sys.argv[1:]), signals)
     except Exception as error:
         return report(error)

@@ -16,6 +16,7 @@ from rclpy.executors import ExternalShutdownException
 
 from pga_me_ros.client import Behavior, RepertoireClient, RepertoireInfo
 from pga_me_ros.core.schedule import evaluation_rng
+from pga_me_ros.ros.environment import prepare_environment
 from pga_me_ros.ros.process import report
 from pga_me_ros.tasks.protocol import Task
 from pga_me_ros.tasks.registry import load_task
@@ -101,6 +102,7 @@ def _row(what: str, fitness: float, descriptor: np.ndarray) -> str:
 def main() -> int:
     """Run the robot once."""
     try:
+        prepare_environment()
         rclpy.init()
         node = rclpy.create_node("demo_robot", cli_args=["--ros-args", "-r", "__node:=demo_robot"])
         return ask_and_run(RepertoireClient(node))

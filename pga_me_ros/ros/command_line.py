@@ -15,6 +15,7 @@ from rclpy._rclpy_pybind11 import RCLError, RCLInvalidROSArgsError, UnknownROSAr
 from rclpy.logging import LoggingSeverity, get_logger_level, set_logger_level
 
 from pga_me_ros.core.errors import SettingsError, nearest_name
+from pga_me_ros.ros.environment import prepare_environment
 from pga_me_ros.ros.parameter_help import parameter_list
 from pga_me_ros.ros.params_file import matches, sections
 
@@ -57,13 +58,14 @@ def start(program: Program, args: Sequence[str] | None = None, **options: Any) -
         Whether ROS 2 was initialised and the node is to run.
 
     Raises:
-        SettingsError: An argument or a params file is wrong.
+        SettingsError: An argument, a params file or the environment is wrong.
     """
     args = list(sys.argv[1:] if args is None else args)
     if any(word in HELP for word in args):
         print(program.help(), end="")
         return False
     check(program, args)
+    prepare_environment()
     # What rcl logs about bad arguments comes again with the error, where it can be put into words.
     set_logger_level("rcl", LoggingSeverity.FATAL)
     try:
