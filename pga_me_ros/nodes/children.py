@@ -8,7 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import IO
 
@@ -18,14 +18,18 @@ from pga_me_ros.ros.process import EXIT_BAD_INPUT, PARENT_WATCH
 STOP_GRACE = 2.0
 """Seconds between asking a child to stop and killing it."""
 
-CRASH_WINDOW = 60.0
-"""Seconds over which deaths of one child count as a crash loop."""
-
 CRASH_LIMIT = 5
-"""Deaths within the window, and within one generation, that end the run."""
+"""Deaths of one child, with no good end of a generation in between, that end the run."""
 
 KILL_LIMIT = 20
-"""The same where the last death was a SIGKILL: that comes from outside, or from a machine short of memory."""
+"""The same for deaths by SIGKILL, which come from outside or from a machine short of memory: those in a row before the
+child has done any work."""
+
+LAST_WORDS = 10_000
+"""Bytes at the end of a log in which the last line is looked for."""
+
+STABLE = 60.0
+"""Seconds after which a child that had nothing to do counts as one that works."""
 
 
 class ChildError(PgaError):
@@ -41,6 +45,9 @@ class Child:
         arguments: Command line.
         log_path: File that its output is appended to.
         inherited: File descriptors that it keeps open.
+        crashes: Deaths by its own fault that are not forgotten.
+        kills: Deaths by SIGKILL that are not forgotten.
+        works: Whether its present process has done some work.
     """
 
     name: str
@@ -48,7 +55,11 @@ class Child:
     log_path: Path
     inherited: tuple[int, ...]
     process: subprocess.Popen[bytes] | None = None
-    deaths: list[float] = field(default_factory=list)
+    crashes: int = 0
+    kills: int = 0
+    works: bool = False
+    _started: float = 0.0
+    _log_start: int = 0
 
     @property
     def pid(self) -> int:
@@ -57,8 +68,10 @@ class Child:
 
     def start(self) -> None:
         """Start the process in a session of its own, so that Ctrl-C in the terminal reaches the orchestrator alone."""
+        self.works, self._started = False, time.monotonic()
         log: IO[bytes]
         with self.log_path.open("ab") as log:
+            self._log_start = log.tell()
             self.process = subprocess.Popen(
                 self.arguments,
                 stdin=subprocess.PIPE,  # closes when we die: the child's sign to end
@@ -69,10 +82,17 @@ class Child:
                 pass_fds=self.inherited,
             )
 
+    @property
+    def proven(self) -> bool:
+        """Whether its present process has shown that it can live."""
+        return self.works or time.monotonic() - self._started > STABLE
+
     def last_words(self) -> str:
-        """Return the last line that it wrote to its log, without what marks it as an error."""
+        """Return the last line that its present process wrote to the log, without what marks it as an error."""
         try:
-            lines = self.log_path.read_text(errors="replace").split("\n")
+            with self.log_path.open("rb") as log:
+                log.seek(max(self._log_start, log.seek(0, os.SEEK_END) - LAST_WORDS))
+                lines = log.read().decode(errors="replace").split("\n")
         except OSError:
             return ""
         last = next((line.strip() for line in reversed(lines) if line.strip()), "")
@@ -144,10 +164,20 @@ class Children:
             self.restarts += 1
         return [child.name for child in dead]
 
+    def working(self, name: str, pid: int) -> None:
+        """Take note that a process has done some work."""
+        child = self._children.get(name)
+        if child and child.pid == pid:
+            child.works = True
+
     def progressed(self) -> None:
-        """Forget past deaths: what gets on with the work between them is no crash loop."""
+        """Forget past deaths at the end of a generation: what has part in the work between them is in no crash loop.
+
+        A child that dies at every start is remembered even while the others get on with the run.
+        """
         for child in self._children.values():
-            child.deaths.clear()
+            if child.proven:
+                child.crashes = child.kills = 0
 
     def stop(self, names: Sequence[str] | None = None, *, at_once: bool = False) -> None:
         """Stop children, politely first; returns when they are gone.
@@ -181,15 +211,30 @@ class Children:
             raise ChildError(
                 f"Node '{child.name}' cannot start: {child.last_words().rstrip('.')}. See {child.log_path}."
             )
-        now = time.monotonic()
-        child.deaths = [t for t in child.deaths if now - t < CRASH_WINDOW] + [now]
-        limit = KILL_LIMIT if code == -signal.SIGKILL else CRASH_LIMIT
-        if len(child.deaths) >= limit:
+        if code == -signal.SIGKILL:
+            child.kills = 1 if child.proven else child.kills + 1
+        else:  # work before it is no excuse: there may be one evaluation that it never survives
+            child.crashes += 1
+        if child.crashes >= CRASH_LIMIT or child.kills >= KILL_LIMIT:
+            deaths = child.crashes + child.kills
+            words = child.last_words()
             raise ChildError(
-                f"Node '{child.name}' died {limit} times within {CRASH_WINDOW:.0f} s (last exit "
-                f"code {code}): {child.last_words()} See {child.log_path}. "
-                "What was committed is kept; start again to resume."
+                f"Node '{child.name}' died {deaths} times without getting on, the last time {_how(code)}; "
+                + (f"its last words: '{words}'. " if words else "it said nothing. ")
+                + f"See {child.log_path}."
             )
+
+
+def _how(code: int) -> str:
+    """Return in words how a process ended."""
+    if code >= 0:
+        return f"with exit code {code}"
+    try:
+        name = signal.Signals(-code).name
+    except ValueError:
+        name = f"signal {-code}"
+    memory = ", perhaps because memory ran out" if name == "SIGKILL" else ""
+    return f"by {name}{memory}"
 
 
 def _send(child: Child, what: signal.Signals) -> None:

@@ -14,7 +14,7 @@ from pga_me_ros.core.errors import PgaError
 from pga_me_ros.core.schedule import TrainingOrder
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.core.snapshot import Snapshot
-from pga_me_ros.nodes.caller import PATIENCE, Waiter, accepted, call
+from pga_me_ros.nodes.caller import Waiter, accepted, call
 from pga_me_ros.nodes.evaluator_pool import EvaluatorPool
 from pga_me_ros.nodes.loop_clients import LoopClients
 from pga_me_ros.ros import names, qos
@@ -25,6 +25,9 @@ ARRIVAL = 1.0
 
 ROUNDS = 10
 """Attempts to get the experience of a generation together."""
+
+ASK_AGAIN = 2.0
+"""Seconds after which a training is asked for again: it may have failed, or its snapshot been lost."""
 
 REMINDER = 0.2
 """Seconds between two requests for a snapshot that a node still waits for."""
@@ -93,7 +96,7 @@ class CriticSide:
         while order.generation not in self._snapshots:
             asked_of = self._incarnation()
             self.start(order)
-            self._waiter.until(came_or_died, PATIENCE)
+            self._waiter.until(came_or_died, ASK_AGAIN)
 
     def remind(self, order: TrainingOrder) -> None:
         """Have a snapshot published again after a while, for a node that was restarted and missed it."""

@@ -89,12 +89,14 @@ def lead(control: Control, signals: Signals) -> int:
     """
     settings, options = control.settings, control.options
     spec = task_spec(settings.task)
-    require_free_name(control)
+    progress = ProgressReporter(control)
+    progress.msg.task = settings.task
+    progress.publish()
+    require_free_name(control, progress.msg)
     directory = open_run(
         Path(options.run_dir) if options.run_dir else default_run_dir(settings), spec, settings
     )
     control.take_rates(directory.settings)
-    progress = ProgressReporter(control)
     # Steady: anybody may set use_sim_time, and a simulated clock may stand still.
     timer = control.create_timer(
         HEARTBEAT, progress.publish, clock=Clock(clock_type=ClockType.STEADY_TIME)
@@ -114,6 +116,8 @@ def lead(control: Control, signals: Signals) -> int:
             return signals.exit_code
     except PgaError:
         progress.enter("failed")
+        if progress.msg.evaluations:
+            progress.say(failed(progress, directory, run))
         raise
     finally:
         timer.cancel()
@@ -164,8 +168,22 @@ def stopped(progress: ProgressReporter, directory: RunDirectory, run: Run) -> st
     )
 
 
-def require_free_name(control: Control) -> None:
+def failed(progress: ProgressReporter, directory: RunDirectory, run: Run) -> str:
+    """Return the words for a run that cannot go on."""
+    return (
+        f"failed: {progress.msg.evaluations} evaluations are safe in {directory.repertoire} "
+        f"({run.summary}); once the cause below is mended, the same command resumes"
+    )
+
+
+def require_free_name(control: Control, claim: Progress) -> None:
     """Make sure that no other orchestrator lives in this namespace.
+
+    Of several that are started at the same time, the one whose claim is the oldest stays.
+
+    Args:
+        control: The orchestrator's node.
+        claim: What it has published of itself, without a run yet.
 
     Raises:
         PgaError: One does.
@@ -174,7 +192,11 @@ def require_free_name(control: Control) -> None:
     waiter = Waiter(lambda: stop_if_asked(control))
 
     def take(msg: Progress) -> None:
-        if not heard and (msg.host, msg.pid) != (socket.gethostname(), os.getpid()):
+        if (
+            not heard
+            and (msg.host, msg.pid) != (socket.gethostname(), os.getpid())
+            and (msg.run_id or age(msg) < age(claim))
+        ):
             heard.append(msg)
             waiter.wake()
 
@@ -196,6 +218,11 @@ def stop_if_asked(control: Control) -> None:
     """
     if control.stop_requested.is_set():
         raise StoppedError
+
+
+def age(claim: Progress) -> tuple[int, int, str, int]:
+    """Return what orders claims to a name: the smallest is the oldest."""
+    return claim.stamp.sec, claim.stamp.nanosec, claim.host, claim.pid
 
 
 @contextmanager

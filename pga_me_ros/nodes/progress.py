@@ -24,6 +24,8 @@ ENDS = ("finished", "stopping", "failed")
 class ProgressReporter:
     """Publishes `Progress` and prints it.
 
+    Until `begin`, what it publishes is a claim to the orchestrator's name, stamped with the time since when.
+
     Args:
         control: The orchestrator's node.
     """
@@ -33,6 +35,7 @@ class ProgressReporter:
         self.msg = Progress(
             state="starting", generation=-1, host=socket.gethostname(), pid=os.getpid()
         )
+        self.msg.stamp = control.get_clock().now().to_msg()
         self.msg.max_fitness = self.msg.eta = math.nan
         self._publisher = control.create_publisher(Progress, names.PROGRESS, qos.LATCHED)
         self._times: deque[tuple[float, int]] = deque(maxlen=WINDOW + 1)
@@ -72,7 +75,8 @@ class ProgressReporter:
 
     def publish(self) -> None:
         """Publish the present state."""
-        self.msg.stamp = self._control.get_clock().now().to_msg()
+        if self.msg.run_id:
+            self.msg.stamp = self._control.get_clock().now().to_msg()
         self._publisher.publish(self.msg)
 
     def say(self, text: str) -> None:

@@ -13,6 +13,7 @@ from typing import Any
 from pga_me_msgs.msg import NodeStatus
 from rclpy.node import Node
 
+from pga_me_ros.core.critic_checkpoint import CriticCheckpoints
 from pga_me_ros.core.errors import PgaError
 from pga_me_ros.core.run_directory import RunDirectory
 from pga_me_ros.nodes.children import Children
@@ -61,7 +62,12 @@ class Team:
         )
 
     def start_learners(self) -> None:
-        """Start critic trainer and variation."""
+        """Start critic trainer and variation; what an interrupted generation trained is trained again.
+
+        Raises:
+            StorageError: A stored outcome of a training is damaged.
+        """
+        CriticCheckpoints(self._directory.path).discard_since(self._directory.next_generation)
         values = {
             **self._directory.settings.to_dict(),
             "run_id": self._directory.run_id,
@@ -87,7 +93,9 @@ class Team:
             if ours and (name, msg.pid) not in self._alive:
                 self._alive.add((name, msg.pid))
                 self.arrivals += 1
-        elif msg.kind in SINGLETONS:
+            if msg.done:
+                self.children.working(name, msg.pid)
+        elif msg.kind in SINGLETONS or name in self.children.names():
             self._foreign = printable(f"{msg.node} (process {msg.pid} on {msg.host})")
 
     def ready(self) -> bool:
