@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import os
 import sqlite3
+import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +18,8 @@ from pga_me_ros.core.run_info import RunInfo
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.core.storage import Repertoire
 
+HERE = Path(__file__).parent
+ENVIRONMENT = os.environ | {"PYTHONPATH": f"{HERE.parents[1]}{os.pathsep}{HERE}"}
 P = 50
 NOBODY = 65534
 RATES = {"n_evo": 50, "discount": 0.99}
@@ -87,6 +91,23 @@ def stay_in_a_transaction(path: Path) -> None:
     connection.execute("UPDATE elites SET fitness = 1e9, parameters = zeroblob(200000)")
     print(repertoire.last_generation, flush=True)
     sys.stdin.read()
+
+
+@contextmanager
+def writer_in_a_transaction(path: Path) -> Iterator[subprocess.Popen[str]]:
+    """Another process that has committed four generations and is in the middle of a transaction."""
+    process = subprocess.Popen(
+        [sys.executable, __file__, str(path)],
+        env=ENVIRONMENT,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    with process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "3\n"
+        yield process
+        process.kill()
 
 
 def give_up_root() -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from repertoires import make
+from repertoires import empty, generations, make, writer_in_a_transaction
 
 from pga_me_ros.core.errors import StorageError
 from pga_me_ros.core.storage import Repertoire
@@ -82,3 +82,57 @@ def test_an_elite_of_an_older_generation_is_detected(path: Path, tmp_path: Path)
         connection.execute("INSERT OR REPLACE INTO elites SELECT * FROM old.elites")
     with pytest.raises(StorageError, match="not those of its last generation"):
         _contents(path)
+
+
+def store_experience(folder: Path, newest: int) -> None:
+    (folder / "experience").mkdir()
+    for generation in range(newest + 1):
+        (folder / "experience" / f"experience-{generation:08d}.ckpt").touch()
+
+
+@pytest.mark.parametrize("read_only", [True, False])
+def test_a_file_that_ends_before_its_run_did_is_told(path: Path, read_only: bool) -> None:
+    make(path, 4)
+    store_experience(path.parent, 5)
+    with pytest.raises(
+        StorageError, match=r"ends with generation 3, but .* generation 5: what was"
+    ):
+        Repertoire.open(path, read_only)
+
+
+def test_experience_of_the_generation_under_way_is_no_loss(path: Path) -> None:
+    make(path, 4)
+    store_experience(path.parent, 4)
+    assert Repertoire.open(path, read_only=True).last_generation == 3
+
+
+def wal_frame(path: Path, number: int) -> int:
+    """Return where a frame of the log begins."""
+    return 32 + number * (24 + int.from_bytes(path.read_bytes()[8:12]))
+
+
+@pytest.mark.parametrize(
+    ("frame", "lost"),
+    [(-1, True), (0, True), (5, True), (7, False), (20, False), ("cut", True), ("gone", True)],
+)
+def test_a_log_that_is_damaged_takes_no_generation_away_unnoticed(
+    path: Path, frame: int | str, lost: bool
+) -> None:
+    """Four generations are in the log of a killed writer; whoever reads it gets all but one of them, or is told."""
+    log = Path(f"{path}-wal")
+    with writer_in_a_transaction(path):
+        pass
+    Path(f"{path}-shm").unlink()
+    if frame == "gone":
+        log.unlink()
+    elif frame == "cut":
+        os.truncate(log, wal_frame(log, 2))
+    else:
+        content = bytearray(log.read_bytes())
+        content[24 if frame == -1 else wal_frame(log, int(frame)) + 100] ^= 1
+        log.write_bytes(content)
+    store_experience(path.parent, 3)
+    archive = empty()
+    digests = [archive.digest() for _ in generations(archive, 4)]
+    with pytest.raises(StorageError, match="is lost") if lost else contextlib.nullcontext():
+        assert _contents(path)[0] in digests[2:]

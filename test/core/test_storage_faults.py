@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import os
 import resource
 import shutil
 import sqlite3
@@ -14,14 +13,18 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-import repertoires
-from repertoires import INFO, RATES, empty, generations, make
+from repertoires import (
+    ENVIRONMENT,
+    INFO,
+    RATES,
+    empty,
+    generations,
+    make,
+    writer_in_a_transaction,
+)
 
 from pga_me_ros.core.errors import StorageError
 from pga_me_ros.core.storage import Repertoire
-
-HERE = Path(__file__).parent
-ENVIRONMENT = os.environ | {"PYTHONPATH": f"{HERE.parents[1]}{os.pathsep}{HERE}"}
 
 READ = """
 import sys
@@ -83,23 +86,6 @@ def run(code: str, path: Path) -> str:
         text=True,
         check=True,
     ).stdout.strip()
-
-
-@contextlib.contextmanager
-def writer_in_a_transaction(path: Path) -> Iterator[subprocess.Popen[str]]:
-    """Another process that has committed four generations and is in the middle of a transaction."""
-    process = subprocess.Popen(
-        [sys.executable, repertoires.__file__, str(path)],
-        env=ENVIRONMENT,
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        text=True,
-    )
-    with process:
-        assert process.stdout is not None
-        assert process.stdout.readline() == "3\n"
-        yield process
-        process.kill()
 
 
 @pytest.mark.parametrize("read_only", [True, False])
