@@ -9,9 +9,13 @@ PACKAGE = "pga_me_ros"
 
 # Each link in resource/executables is an executable: `ros2 run pga_me_ros <name>` runs main() of
 # pga_me_ros/nodes/<name>.py. To add one: ln -s ../start_node resource/executables/<name>
-EXECUTABLES = sorted(
-    link.name for link in (Path(__file__).resolve().parent / "resource/executables").iterdir()
-)
+# What is no node is a package, whose __main__.py has a main(): ln -s ../start_program resource/executables/<name>
+ROOT = Path(__file__).resolve().parent
+EXECUTABLES = sorted(link.name for link in (ROOT / "resource/executables").iterdir())
+PROGRAMS = [name for name in EXECUTABLES if (ROOT / PACKAGE / name / "__main__.py").exists()]
+MODULES = {
+    name: f"{name}.__main__" if name in PROGRAMS else f"nodes.{name}" for name in EXECUTABLES
+}
 
 setup(
     name=PACKAGE,
@@ -26,8 +30,10 @@ setup(
     packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
     # What the nodes import is declared in package.xml, and pinned in requirements/run.txt.
     install_requires=["setuptools"],
+    # What one format of `export` takes.
+    extras_require={"onnx": ["onnx"]},
     entry_points={
-        "console_scripts": [f"{name} = {PACKAGE}.nodes.{name}:main" for name in EXECUTABLES]
+        "console_scripts": [f"{name} = {PACKAGE}.{module}:main" for name, module in MODULES.items()]
     },
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),

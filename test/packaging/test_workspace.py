@@ -17,6 +17,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 NOT_COPIED = (".git", ".venv", "build", "install", "log", "runs", "__pycache__", "*.egg-info")
 NODES = ["archive_manager", "critic_trainer", "evaluator", "orchestrator", "variation"]
+PROGRAMS = ["export", "reevaluate", "report"]
 
 TINY_RUN = {
     "evaluations": "24",
@@ -141,9 +142,11 @@ def test_ament_index_finds_the_package(installation: Installation) -> None:
     assert result.stdout.strip() == str(installation.prefix)
 
 
-def test_every_node_is_an_executable(installation: Installation) -> None:
+def test_every_node_and_program_is_an_executable(installation: Installation) -> None:
     folder = installation.prefix / "lib" / "pga_me_ros"
-    assert [path.name for path in sorted(folder.iterdir()) if os.access(path, os.X_OK)] == NODES
+    assert [path.name for path in sorted(folder.iterdir()) if os.access(path, os.X_OK)] == sorted(
+        NODES + PROGRAMS
+    )
 
 
 def test_every_config_is_installed(installation: Installation) -> None:

@@ -1,0 +1,121 @@
+"""``ros2 run pga_me_ros export RUN --to FORMAT``: a repertoire, or one controller of it, for other programs."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from pga_me_ros.core.elites import Elite
+from pga_me_ros.core.errors import PgaError, StorageError
+from pga_me_ros.core.repertoire_arrays import save_bytes
+from pga_me_ros.export.arrays import write_npz, write_pyribs
+from pga_me_ros.export.source import Source
+from pga_me_ros.export.table import write_csv
+
+TABLES = {"npz": (write_npz, ".npz"), "csv": (write_csv, ".csv"), "pyribs": (write_pyribs, ".npz")}
+"""Formats that hold any number of elites in one file: who writes it, and its ending."""
+
+MODELS = {"onnx": ".onnx", "torchscript": ".pt"}
+"""Formats with a file per controller, and its ending."""
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Export what the command line asks for, and print the name of the file or folder.
+
+    Args:
+        args: Command line without the program's name, None for the process's own.
+
+    Returns:
+        Exit status: 0, or 2 when it could not be done.
+    """
+    asked = _parser().parse_args(args)
+    try:
+        print(export(asked))
+    except BrokenPipeError:  # the reader, such as `head`, has seen enough
+        sys.stderr.close()
+    except (PgaError, OSError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    return 0
+
+
+def export(asked: argparse.Namespace) -> Path:
+    """Carry out a parsed command line.
+
+    Returns:
+        The file or folder that was written.
+
+    Raises:
+        PgaError: The run cannot be read, has no such elite, or the export cannot be written.
+    """
+    make = _model_maker(asked.to) if asked.to in MODELS else None
+    source = Source.load(asked.run, cell=asked.cell, best=asked.best, evaluation=asked.evaluation)
+    out = asked.out or Path(_default_name(source, asked.to))
+    if make is None or source.one:
+        if out.is_dir():
+            raise StorageError(f"'{out}' is a folder; give --out the name of a file.")
+        _make_folder(out.parent)
+        if make is None:
+            TABLES[asked.to][0](source, out)
+        else:
+            save_bytes(out, make(source, next(source.elites())))
+        return out
+    _make_folder(out)
+    width = len(str(source.archive.cells - 1))
+    for elite in source.elites():
+        save_bytes(out / f"cell-{elite.cell:0{width}d}{MODELS[asked.to]}", make(source, elite))
+    return out
+
+
+def _model_maker(kind: str) -> Callable[[Source, Elite], bytes]:
+    """Return what makes a model of a controller; what it needs is missed before a large run is read."""
+    if kind == "onnx":
+        from pga_me_ros.export.onnx_model import onnx_bytes, require_onnx
+
+        require_onnx()
+        return onnx_bytes
+    from pga_me_ros.export.torchscript import torchscript_bytes
+
+    return torchscript_bytes
+
+
+def _default_name(source: Source, kind: str) -> str:
+    which = f"-cell{source.cells[0]}" if source.one else ""
+    mark = "-pyribs" if kind == "pyribs" else ""
+    if kind in TABLES:
+        return f"{source.name}{which}{mark}{TABLES[kind][1]}"
+    return f"{source.name}{which}{MODELS[kind]}" if source.one else f"{source.name}-{kind}"
+
+
+def _make_folder(path: Path) -> None:
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise StorageError(
+            f"Cannot make the folder '{path}' ({error.strerror}); give --out another name."
+        ) from None
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="export",
+        description="Write a repertoire, or one controller of it, for other programs; docs/export.md has the formats.",
+    )
+    parser.add_argument("run", type=Path, metavar="RUN", help="folder of a run, or repertoire file")
+    parser.add_argument("--to", required=True, choices=[*TABLES, *MODELS], help="format")
+    which = parser.add_mutually_exclusive_group()
+    which.add_argument("--cell", type=int, metavar="N", help="only the controller of this cell")
+    which.add_argument("--best", action="store_true", help="only the fittest controller")
+    which.add_argument(
+        "--evaluation", type=int, metavar="K", help="only the controller of this evaluation"
+    )
+    parser.add_argument(
+        "--out", type=Path, metavar="PATH", help="file to write; folder for several models"
+    )
+    return parser
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,215 @@
+"""``ros2 run pga_me_ros reevaluate RUN --repeats 10``: what elites are worth on average, kept beside the repertoire."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import os
+import signal
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from pga_me_ros.core.archive import Archive
+from pga_me_ros.core.errors import PgaError, RequestError, StorageError
+from pga_me_ros.core.file_lock import FileLock
+from pga_me_ros.core.policy import MlpShape
+from pga_me_ros.core.reevaluations import FILE, Reevaluations, Statistics
+from pga_me_ros.core.run_directory import REPERTOIRE
+from pga_me_ros.core.run_info import RunInfo, library_versions
+from pga_me_ros.core.storage import Repertoire
+from pga_me_ros.reevaluate.workers import Job, Outcome, evaluated
+from pga_me_ros.tasks.registry import task_spec
+
+PIECE = 10
+"""Repeats of one elite that a process does at a time."""
+
+SAVE_PERIOD = 10.0
+"""Seconds between two writes of what was found so far."""
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Evaluate elites again, store the outcomes, print what they say.
+
+    Args:
+        args: Command line without the program's name, None for the process's own.
+
+    Returns:
+        Exit status: 0; 2 when it could not be done; 130 after Ctrl-C, with what was found until then stored.
+    """
+    asked = _parser().parse_args(args)
+    try:
+        print(reevaluate(asked.run, asked.repeats, asked.best, asked.processes))
+    except KeyboardInterrupt:
+        print("stopped; the same command goes on from here", file=sys.stderr)
+        return 128 + signal.SIGINT
+    except (PgaError, OSError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    return 0
+
+
+def reevaluate(run: Path, repeats: int, best: int | None = None, processes: int = 0) -> str:
+    """Evaluate elites until each has so many repeats; those that are there already are not done again.
+
+    Args:
+        run: Folder of the run, or its repertoire file. The repertoire is only read, and may be growing.
+        repeats: Wanted repeats of each elite.
+        best: Only so many of the fittest elites, None for all.
+        processes: Processes to use, 0 for one per core.
+
+    Returns:
+        What the statistics say, in words.
+
+    Raises:
+        StorageError: The run cannot be read, or the outcomes cannot be stored.
+        RequestError: A number makes no sense, or there is no elite.
+        TaskError: The run's task does not start.
+    """
+    file = run / REPERTOIRE if run.is_dir() else run
+    numbers = {"repeats": (repeats, 1), "best": (best, 1), "processes": (processes, 0)}
+    for name, (value, least) in numbers.items():
+        if value is not None and value < least:
+            raise RequestError(f"--{name} is {value}; give {least} or more.")
+    with Repertoire.open(file, read_only=True) as repertoire:
+        info, archive = repertoire.info, repertoire.load_archive()
+    if not len(archive):
+        raise RequestError(f"'{file}' holds no controller yet; run it for longer first.")
+    _require_same_task(info)
+    lock = FileLock(file.with_name(f"{FILE}.lock"))
+    try:
+        rows = _grown(file, info, archive, repeats, _chosen(archive, best), processes)
+    finally:
+        lock.release()
+    return summary(archive, rows.statistics(archive))
+
+
+def summary(archive: Archive, known: Statistics) -> str:
+    """Return what statistics say about an archive's elites, in words."""
+    cells = np.flatnonzero(archive.filled & (known.repeats > 0))
+    once, mean = archive.fitness[cells], known.mean_fitness[cells]
+    moved = np.linalg.norm(archive.descriptors[cells] - known.mean_descriptor[cells], axis=1)
+    seen = known.seen(archive)
+    best = seen.best()
+    return "\n".join(
+        [
+            f"{len(cells)} of {archive.coverage} elites were re-evaluated, {known.repeats[cells].min()} times or more",
+            f"fitness: {once.mean():.1f} when they were found, {mean.mean():.1f} on average since "
+            f"(difference {(once - mean).mean():.1f})",
+            f"descriptor: the mean lies {moved.mean():.3f} from the one that they were found with",
+            f"best on average: cell {best.cell} with {best.fitness:.1f} "
+            f"(spread {known.fitness_spread[best.cell]:.1f}, found with {archive.fitness[best.cell]:.1f})",
+        ]
+    )
+
+
+def _require_same_task(info: RunInfo) -> None:
+    """Make sure that what is simulated is what the elites were found in."""
+    own, now = info.task, task_spec(info.settings["task"]).to_json()
+    changed = sorted(name for name in own.keys() | now.keys() if own.get(name) != now.get(name))
+    if changed:
+        raise StorageError(
+            f"The task '{info.settings['task']}' is not what it was when the run was made: its spec differs in "
+            f"{', '.join(changed)}. Use the version of the task that the run was made with."
+        )
+    for difference in info.version_differences(library_versions()):
+        print(f"note: not the library that the run was made with: {difference}", file=sys.stderr)
+
+
+def _chosen(archive: Archive, best: int | None) -> np.ndarray:
+    """Return the evaluation ids of the elites to evaluate, the fittest first."""
+    cells = archive.filled_cells()
+    fittest_first = cells[np.argsort(-archive.fitness[cells], kind="stable")]
+    return archive.evaluations[fittest_first[:best]]
+
+
+def _grown(
+    file: Path,
+    info: RunInfo,
+    archive: Archive,
+    repeats: int,
+    evaluations: np.ndarray,
+    processes: int,
+) -> Reevaluations:
+    """Return all re-evaluations of a run after those that were missing were done, and stored on the way."""
+    rows = Reevaluations.load(file, info.run_id, archive.dimensions)
+    jobs = _jobs(archive, rows.missing(evaluations, repeats))
+    total = sum(len(job.repeats) for job in jobs)
+    new: list[Outcome] = []
+    saved = -math.inf
+    results = evaluated(
+        jobs,
+        info.settings["task"],
+        MlpShape(info.layer_sizes),
+        info.settings["seed"],
+        processes or os.cpu_count() or 1,
+    )
+    try:
+        for outcomes in results if jobs else ():
+            new += outcomes
+            _show(f"\r{len(new)} of {total} evaluations")
+            if time.monotonic() > saved + SAVE_PERIOD:
+                rows.with_more(_rows(new, rows)).save(file)
+                saved = time.monotonic()
+    finally:
+        _show("\n" if new else "")
+        results.close()
+        if new:
+            rows = rows.with_more(_rows(new, rows))
+            rows.save(file)
+    return rows
+
+
+def _jobs(archive: Archive, missing: list[tuple[int, int]]) -> list[Job]:
+    """Return what is missing in pieces that are done in seconds, so that little is lost when it is cut off."""
+    wanted: dict[int, list[int]] = {}
+    for evaluation, repeat in missing:
+        wanted.setdefault(evaluation, []).append(repeat)
+    cell_of = {int(archive.evaluations[c]): c for c in archive.filled_cells().tolist()}
+    return [
+        Job(evaluation, tuple(piece), archive.parameters[cell_of[evaluation]])
+        for evaluation, repeats in wanted.items()
+        for piece in (repeats[i : i + PIECE] for i in range(0, len(repeats), PIECE))
+    ]
+
+
+def _rows(outcomes: list[Outcome], of: Reevaluations) -> Reevaluations:
+    """Return outcomes as rows, in an order that does not depend on who was faster."""
+    done = sorted(outcomes, key=lambda o: (o.evaluation, o.repeat))
+    return Reevaluations(
+        run_id=of.run_id,
+        evaluation=np.array([o.evaluation for o in done], np.int64),
+        repeat=np.array([o.repeat for o in done], np.int64),
+        fitness=np.array([o.fitness for o in done], np.float64),
+        descriptor=np.stack([o.descriptor for o in done]),
+        steps=np.array([o.steps for o in done], np.int64),
+        terminated=np.array([o.terminated for o in done], np.bool_),
+    )
+
+
+def _show(text: str) -> None:
+    """Show progress to whoever watches."""
+    if sys.stderr.isatty():
+        print(text, end="", file=sys.stderr, flush=True)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="reevaluate",
+        description="Evaluate the elites of a run again from other initial poses, and keep mean and spread of fitness "
+        "and descriptor beside its repertoire. More repeats may be added at any time.",
+    )
+    parser.add_argument("run", type=Path, metavar="RUN", help="folder of a run, or repertoire file")
+    parser.add_argument("--repeats", type=int, default=10, metavar="N", help="per elite (10)")
+    parser.add_argument("--best", type=int, metavar="N", help="only the N fittest elites")
+    parser.add_argument(
+        "--processes", type=int, default=0, metavar="N", help="to use; 0, the default: one per core"
+    )
+    return parser
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,168 @@
+"""Processes that evaluate elites again, one per core."""
+
+from __future__ import annotations
+
+import contextlib
+import multiprocessing
+import os
+import signal
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass
+from functools import partial
+from itertools import islice
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pga_me_ros.core.errors import PgaError
+from pga_me_ros.core.policy import Controller, MlpShape
+from pga_me_ros.core.reevaluations import reevaluation_rng
+from pga_me_ros.tasks.protocol import Task
+from pga_me_ros.tasks.registry import make_task
+from pga_me_ros.tasks.rollout import rollout
+
+THREADS = "OPENBLAS_NUM_THREADS"
+"""As evaluators have it: threads would wait for each other longer than such small products take."""
+
+
+@dataclass(frozen=True)
+class Job:
+    """Repeats of one elite.
+
+    Attributes:
+        evaluation: Evaluation id of the elite.
+        repeats: Numbers of the repeats.
+        parameters: (P,) float32 parameters of its controller.
+    """
+
+    evaluation: int
+    repeats: tuple[int, ...]
+    parameters: NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What came of one repeat; attributes as in `Reevaluations`, one row."""
+
+    evaluation: int
+    repeat: int
+    fitness: float
+    descriptor: NDArray[np.float64]
+    steps: int
+    terminated: bool
+
+
+class Evaluator:
+    """What a process keeps from one job to the next: a simulator, made on first use.
+
+    Args:
+        task_name: Task, as `make_task` takes it.
+        shape: Layers of the controllers.
+        seed: Seed of the run.
+    """
+
+    def __init__(self, task_name: str, shape: MlpShape, seed: int) -> None:
+        self._shape = shape
+        self._seed = seed
+        self._task: Task = make_task(task_name)
+
+    def evaluate(self, job: Job) -> list[Outcome]:
+        """Carry out a job."""
+        controller = Controller(self._shape, job.parameters)
+        outcomes = []
+        for repeat in job.repeats:
+            e = rollout(self._task, controller, reevaluation_rng(self._seed, repeat))
+            outcomes.append(
+                Outcome(job.evaluation, repeat, e.fitness, e.descriptor, e.length, e.terminated)
+            )
+        return outcomes
+
+
+_evaluator: Evaluator | None = None
+
+
+def _begin() -> None:
+    """Prepare a process of the pool."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches all; the parent ends the work
+
+
+def _evaluate(job: Job, task_name: str, shape: MlpShape, seed: int) -> list[Outcome]:
+    # Made in the first job, not in _begin: what is wrong with a task then comes back as its own error.
+    global _evaluator
+    if _evaluator is None:
+        with _without_greeting():
+            _evaluator = Evaluator(task_name, shape, seed)
+    return _evaluator.evaluate(job)
+
+
+def evaluated(
+    jobs: Sequence[Job], task_name: str, shape: MlpShape, seed: int, processes: int
+) -> Iterator[list[Outcome]]:
+    """Carry out jobs in several processes; yields what came of each as soon as it is there.
+
+    The outcomes do not depend on the number of processes.
+
+    Args:
+        jobs: What to do.
+        task_name: Task, as `make_task` takes it.
+        shape: Layers of the controllers.
+        seed: Seed of the run.
+        processes: How many, at least 1.
+
+    Raises:
+        TaskError: The task does not start or breaks its protocol.
+        PgaError: A process was killed.
+    """
+    with _setting(THREADS, "1"):
+        pool = ProcessPoolExecutor(processes, multiprocessing.get_context("spawn"), _begin)
+        calls = (partial(_evaluate, job, task_name, shape, seed) for job in jobs)
+        try:
+            yield from _results(pool, calls, 2 * processes)
+        except BrokenProcessPool:
+            raise PgaError(
+                "A process that evaluates was killed, perhaps for lack of memory; run it again, with fewer "
+                "--processes. What was done is kept."
+            ) from None
+        finally:
+            pool.shutdown(cancel_futures=True)
+
+
+def _results(
+    pool: ProcessPoolExecutor, calls: Iterator[Callable[[], list[Outcome]]], ahead: int
+) -> Iterator[list[Outcome]]:
+    """Yield results with so many calls under way; more would only wait in memory."""
+    running: set[Future[list[Outcome]]] = {pool.submit(call) for call in islice(calls, ahead)}
+    while running:
+        done, running = wait(running, return_when=FIRST_COMPLETED)
+        running |= {pool.submit(call) for call in islice(calls, len(done))}
+        for future in done:
+            yield future.result()
+
+
+@contextlib.contextmanager
+def _without_greeting() -> Iterator[None]:
+    """Keep what PyBullet prints when it is loaded out of the parent's standard error."""
+    kept, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, 2)
+    try:
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+        os.close(nowhere)
+
+
+@contextlib.contextmanager
+def _setting(name: str, value: str) -> Iterator[None]:
+    """Set a variable of the environment, for children to inherit."""
+    before = os.environ.get(name)
+    os.environ[name] = value
+    try:
+        yield
+    finally:
+        if before is None:
+            del os.environ[name]
+        else:
+            os.environ[name] = before

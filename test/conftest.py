@@ -1,0 +1,60 @@
+"""What tests of several folders share."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from pga_me_ros.core.run_directory import open_run
+from pga_me_ros.core.settings import RATES, Settings
+from pga_me_ros.core.storage import Repertoire
+from pga_me_ros.tasks.registry import make_task, task_spec
+
+SMALL = {
+    "task": "qd_hopper",
+    "seed": 5,
+    "evaluations": 20,
+    "random_init": 20,
+    "batch_size": 10,
+    "n_evo": 10,
+    "cells": 30,
+    "cvt_samples": 1000,
+    "controller_hidden": (16, 8),
+}
+"""Settings of a run whose robots are simulated in a second, without gradients."""
+
+
+def store_run(folder: Path, **settings: object) -> Path:
+    """Carry out a run in this process and store it; returns its folder."""
+    from pga_me_ros.core.search import Search
+
+    asked = Settings.from_mapping({**SMALL, **settings})
+    directory = open_run(folder, task_spec(asked.task), asked)
+    directory.lock.release()
+    task = make_task(asked.task)
+    search = Search(task.spec, asked)
+    rates = {name: getattr(asked, name) for name in RATES}
+    with Repertoire.open(directory.repertoire) as repertoire:
+        for generation in range(asked.generations):
+            metrics = search.run_generation(task)
+            repertoire.commit(generation, list(search.archive.elites()), metrics, rates)
+    task.close()
+    return folder
+
+
+@pytest.fixture(scope="session")
+def hopper_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the folder of a small finished run; read it, or copy it."""
+    return store_run(tmp_path_factory.mktemp("hopper") / "run")
+
+
+@pytest.fixture(scope="session")
+def new_run(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
+    """Return a function that carries out and stores another run, with some settings changed."""
+
+    def new(**settings: object) -> Path:
+        return store_run(tmp_path_factory.mktemp("run") / "run", **settings)
+
+    return new

@@ -1,0 +1,220 @@
+"""Re-evaluations of a stored run: what they are, that they last, and that more can be added."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pga_me_ros.core.archive import Archive
+from pga_me_ros.core.errors import RequestError, StorageError
+from pga_me_ros.core.policy import Controller, MlpShape
+from pga_me_ros.core.reevaluations import FILE, FORMAT, Reevaluations, reevaluation_rng
+from pga_me_ros.core.repertoire_arrays import load_arrays, save_arrays
+from pga_me_ros.core.run_directory import REPERTOIRE
+from pga_me_ros.core.storage import Repertoire
+from pga_me_ros.reevaluate.__main__ import reevaluate
+from pga_me_ros.tasks.registry import make_task, task_spec
+from pga_me_ros.tasks.rollout import rollout
+
+
+@pytest.fixture(scope="module")
+def run(hopper_run: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run whose elites were all re-evaluated three times."""
+    copied = Path(shutil.copytree(hopper_run, tmp_path_factory.mktemp("again") / "run"))
+    print(reevaluate(copied, 3, processes=2))
+    return copied
+
+
+@pytest.fixture
+def fresh(hopper_run: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(hopper_run, tmp_path / "run"))
+
+
+def load(run: Path) -> tuple[Archive, Reevaluations]:
+    with Repertoire.open(run / REPERTOIRE, read_only=True) as repertoire:
+        archive = repertoire.load_archive()
+        rows = Reevaluations.load(run / REPERTOIRE, repertoire.info.run_id, archive.dimensions)
+    return archive, rows
+
+
+def test_each_row_is_what_the_controller_does_from_the_pose_of_its_repeat(run: Path) -> None:
+    archive, rows = load(run)
+    elites = set(rows.evaluation.tolist())
+    pairs = set(zip(rows.evaluation.tolist(), rows.repeat.tolist(), strict=True))
+    assert pairs == {(elite, repeat) for elite in elites for repeat in range(3)}
+    assert len(elites) == archive.coverage
+    assert_rows_hold(run, rows, range(len(rows.fitness)))
+    of_one = rows.fitness[rows.evaluation == rows.evaluation[0]]
+    assert len(set(of_one.tolist())) == 3, "the poses are not different ones"
+
+
+def test_statistics_are_those_of_the_rows(run: Path) -> None:
+    archive, rows = load(run)
+    known = rows.statistics(archive)
+    for cell in archive.filled_cells().tolist():
+        mine = rows.evaluation == archive.evaluations[cell]
+        assert known.repeats[cell] == 3
+        assert known.mean_fitness[cell] == pytest.approx(rows.fitness[mine].mean(), rel=1e-12)
+        spread = rows.descriptor[mine].std(axis=0, ddof=1)
+        np.testing.assert_allclose(known.descriptor_spread[cell], spread, rtol=1e-12)
+    empty = ~archive.filled
+    assert not known.repeats[empty].any()
+    assert np.isnan(known.mean_fitness[empty]).all()
+
+
+def test_more_repeats_are_added_to_those_that_are_there(run: Path, fresh: Path) -> None:
+    shutil.copy(run / FILE, fresh)
+    content = (fresh / REPERTOIRE).read_bytes()
+    reevaluate(fresh, 5, best=2, processes=1)
+    before, after = load(run)[1], load(fresh)[1]
+    assert len(after.fitness) == len(before.fitness) + 2 * 2
+    assert after.fitness[: len(before.fitness)].tobytes() == before.fitness.tobytes()
+    assert (fresh / REPERTOIRE).read_bytes() == content, "the repertoire was changed"
+
+
+def test_nothing_is_done_twice(run: Path) -> None:
+    content = (run / FILE).read_bytes()
+    said = reevaluate(run, 2)
+    assert (run / FILE).read_bytes() == content
+    assert "3 times or more" in said
+
+
+@contextmanager
+def started(run: Path) -> Iterator[subprocess.Popen[str]]:
+    """Start more re-evaluations than anybody would wait for, and wait until the first ones are stored."""
+    command = [sys.executable, "-m", "pga_me_ros.reevaluate", str(run), "--repeats", "1000"]
+    process = subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
+    )
+    try:
+        while not (run / FILE).exists():
+            assert process.poll() is None, process.stderr.read() if process.stderr else ""
+            threading.Event().wait(0.02)
+        yield process
+    finally:
+        with suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+
+
+def assert_rows_hold(run: Path, rows: Reevaluations, places: Iterable[int]) -> None:
+    """Make sure that rows are what their controllers do, simulated in this process."""
+    with Repertoire.open(run / REPERTOIRE, read_only=True) as repertoire:
+        archive, info = repertoire.load_archive(), repertoire.info
+    task = make_task("qd_hopper")
+    for row in places:
+        (cell,) = np.flatnonzero(archive.evaluations == rows.evaluation[row])
+        controller = Controller(MlpShape(info.layer_sizes), archive.parameters[cell])
+        rng = reevaluation_rng(info.settings["seed"], int(rows.repeat[row]))
+        episode = rollout(task, controller, rng)
+        assert (rows.fitness[row], rows.steps[row]) == (episode.fitness, episode.length)
+        assert rows.descriptor[row].tobytes() == episode.descriptor.tobytes()
+    task.close()
+
+
+def test_ctrl_c_keeps_what_was_done(fresh: Path) -> None:
+    with started(fresh) as process:
+        os.killpg(process.pid, signal.SIGINT)
+        output, errors = process.communicate()
+    assert (process.returncode, output) == (130, "")
+    assert errors == "stopped; the same command goes on from here\n"
+    rows = load(fresh)[1]
+    assert_rows_hold(fresh, rows, range(0, len(rows.fitness), 4))
+
+
+def test_a_killed_worker_is_told_in_one_line_and_nothing_is_lost(fresh: Path) -> None:
+    with started(fresh) as process:
+        children = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
+        # The first child is multiprocessing's resource tracker.
+        os.kill(int(children[-1]), signal.SIGKILL)
+        _, errors = process.communicate()
+    assert process.returncode == 2
+    assert errors.startswith("error: A process that evaluates was killed")
+    assert errors.count("\n") == 1
+    rows = load(fresh)[1]
+    assert_rows_hold(fresh, rows, range(0, len(rows.fitness), 4))
+
+
+def cut(file: Path) -> None:
+    file.write_bytes(file.read_bytes()[:-100])
+
+
+def flip(file: Path) -> None:
+    content = bytearray(file.read_bytes())
+    content[len(content) // 2] ^= 0xFF
+    file.write_bytes(bytes(content))
+
+
+def rename_run(file: Path) -> None:
+    arrays = load_arrays(file, FORMAT, "file")
+    save_arrays(file, arrays | {"run_id": np.array("another")})
+
+
+def shorten(file: Path) -> None:
+    arrays = load_arrays(file, FORMAT, "file")
+    save_arrays(file, arrays | {"fitness": arrays["fitness"][1:]})
+
+
+def make_nan(file: Path) -> None:
+    arrays = load_arrays(file, FORMAT, "file")
+    save_arrays(file, arrays | {"fitness": arrays["fitness"] * np.nan})
+
+
+def leave_out(file: Path) -> None:
+    arrays = load_arrays(file, FORMAT, "file")
+    del arrays["repeat"]
+    save_arrays(file, arrays)
+
+
+def replace_by_text(file: Path) -> None:
+    file.write_text("fitness\n1.0\n")
+
+
+@pytest.mark.parametrize(
+    ("harm", "words"),
+    [
+        (cut, "damaged or no file of re-evaluations"),
+        (flip, "damaged"),
+        (replace_by_text, "damaged or no file of re-evaluations"),
+        (rename_run, "is of run another"),
+        (shorten, "array 'fitness' is float64 of the shape"),
+        (make_nan, "not finite"),
+        (leave_out, "lacks the array 'repeat'"),
+    ],
+)
+def test_a_file_that_cannot_be_trusted_is_refused(
+    run: Path, fresh: Path, harm: Callable[[Path], None], words: str
+) -> None:
+    shutil.copy(run / FILE, fresh)
+    harm(fresh / FILE)
+    before = (fresh / FILE).read_bytes()
+    with pytest.raises(StorageError, match=words):
+        reevaluate(fresh, 4)
+    assert (fresh / FILE).read_bytes() == before
+
+
+def test_a_task_that_has_changed_is_not_simulated(
+    fresh: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    other = dataclasses.replace(task_spec("qd_hopper"), max_steps=7)
+    monkeypatch.setattr("pga_me_ros.tasks.locomotion.QDHopper.spec", other)
+    with pytest.raises(StorageError, match="its spec differs in max_steps"):
+        reevaluate(fresh, 1)
+
+
+@pytest.mark.parametrize("numbers", [{"repeats": 0}, {"best": 0}, {"processes": -1}])
+def test_numbers_that_make_no_sense_are_refused(run: Path, numbers: dict[str, int]) -> None:
+    (name,) = numbers
+    with pytest.raises(RequestError, match=f"--{name} is"):
+        reevaluate(run, **{"repeats": 1, **numbers})
