@@ -52,6 +52,9 @@ WITHIN = 1.5
 START = 12.0
 """Seconds from the start of a resumed run within which it is killed if it is to die while it starts."""
 
+PER_STOP = 8
+"""Generations per stop on average: many while an evaluator is stopped and the other goes on, few otherwise."""
+
 STOPS = {"evaluator_0": 7.0, "critic_trainer": 12.0, "variation": 12.0, "archive_manager": 12.0}
 """Seconds that children are stopped: an evaluator is missed after 5, a request is repeated after 10."""
 
@@ -64,17 +67,11 @@ class Record:
         rows: One line per deed, for the table.
         hits: How often each node was hit.
         orphans: Seconds that children outlived their orchestrator.
-        digest: Digest of the repertoire at the end.
-        seconds: Time from start to end.
-        summary: The orchestrator's last words.
     """
 
     rows: list[str] = field(default_factory=list)
     hits: Counter[str] = field(default_factory=Counter)
     orphans: list[float] = field(default_factory=list)
-    digest: str = ""
-    seconds: float = 0.0
-    summary: str = ""
 
     def note(self, run: ChaosRun, what: str, name: str, more: str = "") -> None:
         """Write down and print one deed."""
@@ -102,14 +99,16 @@ def settings_of(task: str, seed: int, generations: int) -> Settings:
     )
 
 
-def search_digest(settings: Settings) -> str:
-    """Return the digest of the same run in this process."""
+def search_digests(settings: Settings) -> list[str]:
+    """Return the digests of the same run in this process, after each of its generations."""
     task = load_task(settings.task)()
     search = Search(task.spec, settings)
+    digests = []
     while search.generation < settings.generations:
         search.run_generation(task)
+        digests.append(search.archive.digest())
     task.close()
-    return search.archive.digest()
+    return digests
 
 
 def kill_children(run: ChaosRun, rng: np.random.Generator, deeds: int, record: Record) -> None:
@@ -148,12 +147,22 @@ def stop_children(run: ChaosRun, rng: np.random.Generator, deeds: int, record: R
     run.start()
     for i in range(deeds):
         name = list(STOPS)[i % len(STOPS)]
-        run.wait_for_generation(INIT_GENERATIONS + i)
+        run.wait_for_generation(max(INIT_GENERATIONS, run.generations + 1))
         time.sleep(rng.uniform(0.0, WITHIN))
         pid = run.send(name, signal.SIGSTOP)
         time.sleep(STOPS[name])
+        if run.children().get(name) != pid:
+            raise ChaosError(f"did not wait for {name}, which was stopped:\n{run.output}")
         os.kill(pid, signal.SIGCONT)
         record.note(run, "stop", name, f"process {pid}, for {STOPS[name]:.0f} s")
+
+
+def generations_of(part: str, deeds: int) -> int:
+    """Return how many generations a part takes, so that its last deed comes before the end."""
+    if part == "stopped":
+        return INIT_GENERATIONS + PER_STOP * deeds
+    busy = int(deeds / KILLS_PER_GENERATION) if part == "children" else deeds
+    return INIT_GENERATIONS + busy + QUIET_GENERATIONS
 
 
 Deeds = Callable[[ChaosRun, np.random.Generator, int, Record], None]
@@ -166,14 +175,16 @@ PARTS: dict[str, Deeds] = {
 
 
 def carry_out(
-    part: str, deeds: int, settings: Settings, folder: Path, digest: str, domain: int
-) -> Record:
-    """Do one part and check its outcome.
+    part: str, deeds: int, settings: Settings, folder: Path, digests: list[str], domain: int
+) -> dict[str, Any]:
+    """Do one part, check its outcome and return its figures.
 
     Raises:
         ChaosError: The run failed, left something behind, or ended with another repertoire.
     """
-    print(f"\n{part}\n  # what  node             gen")
+    generations = generations_of(part, deeds)
+    settings = settings.replace(evaluations=generations * BATCH)
+    print(f"\n{part}: {generations} generations\n  # what  node             gen")
     parameters = {
         name: list(value) if isinstance(value, tuple) else value
         for name, value in settings.to_dict().items()
@@ -184,27 +195,23 @@ def carry_out(
     rng = np.random.default_rng((settings.seed, list(PARTS).index(part)))
     try:
         PARTS[part](run, rng, deeds, record)
-        record.digest = run.finish()
+        digest = run.finish()
+    except ChaosError as error:
+        raise ChaosError(f"{part} {error}") from None
     finally:
         run.end()
-    record.seconds = time.monotonic() - began
-    record.summary = run.output.strip().splitlines()[-1]
-    print(record.summary)
-    if record.digest != digest:
-        raise ChaosError(f"ended with {record.digest}, core.search with {digest}")
-    print(f"the repertoire is that of core.search; {record.seconds:.0f} s", flush=True)
-    return record
-
-
-def figures(record: Record, settings: Settings) -> dict[str, Any]:
-    """Return what a part comes to, for JSON."""
+    seconds = round(time.monotonic() - began)
+    print(run.output.strip().splitlines()[-1])
+    if digest != digests[generations - 1]:
+        raise ChaosError(f"{part} ended with {digest}, core.search with {digests[generations - 1]}")
+    print(f"{seconds} s; ended with {digest}, as core.search does", flush=True)
     return {
         "deeds": sum(record.hits.values()),
         "hits": dict(sorted(record.hits.items())),
-        "generations": settings.generations,
+        "generations": generations,
         "orphans_gone_s": round(max(record.orphans, default=0.0), 2),
         "same_repertoire": True,
-        "seconds": round(record.seconds),
+        "seconds": seconds,
     }
 
 
@@ -219,25 +226,25 @@ def main() -> int:
     parser.add_argument("--part", choices=PARTS, help="one part only")
     arguments = parser.parse_args()
     deeds = dict(zip(PARTS, (arguments.kills, arguments.resumes, arguments.stops), strict=True))
-    longest = max(int(arguments.kills / KILLS_PER_GENERATION), arguments.resumes, arguments.stops)
-    generations = INIT_GENERATIONS + longest + QUIET_GENERATIONS
-    settings = settings_of(arguments.task, arguments.seed, generations)
-    digest = search_digest(settings)
-    print(f"{settings.task}, seed {settings.seed}, {generations} generations: {digest}")
-    out: dict[str, Any] = {}
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # so that no run is left behind
+    if arguments.part:
+        deeds = {arguments.part: deeds[arguments.part]}
+    longest = max(generations_of(part, n) for part, n in deeds.items())
+    settings = settings_of(arguments.task, arguments.seed, longest)
+    digests = search_digests(settings)
     folder = Path(tempfile.mkdtemp(prefix="chaos-"))
     with domain_id() as domain:
-        for part in [arguments.part] if arguments.part else PARTS:
-            try:
-                record = carry_out(part, deeds[part], settings, folder, digest, domain)
-            except ChaosError as error:
-                print(f"FAILED: {part} {error}\nlook into {folder}", file=sys.stderr)
-                return 1
-            out[part] = figures(record, settings)
+        try:
+            parts = {
+                part: carry_out(part, n, settings, folder, digests, domain)
+                for part, n in deeds.items()
+            }
+        except ChaosError as error:
+            print(f"FAILED: {error}\nlook into {folder}", file=sys.stderr)
+            return 1
     shutil.rmtree(folder)
-    print(
-        json.dumps({"bench": "chaos", "task": settings.task, "seed": settings.seed, "parts": out})
-    )
+    run = {"task": arguments.task, "seed": arguments.seed}
+    print(json.dumps({"bench": "chaos", **run, "parts": parts}))
     return 0
 
 
