@@ -17,7 +17,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 VENV = ROOT / ".venv"
 LOG = VENV / "setup.log"
-BUILD = VENV / "build" / "pga_me_msgs"
+BUILDS = VENV / "build"
 # Against the wheels, CMake needs this wherever an interface package is built.
 CMAKE_FOR_WHEELS = f"-DCMAKE_PROJECT_INCLUDE={ROOT / 'scripts' / 'drop_missing_includes.cmake'}"
 REQUIREMENTS = ("run.txt", "build.txt", "test.txt")
@@ -108,22 +108,32 @@ def install_requirements() -> None:
 
 
 def build_messages() -> None:
-    """Build and install the message package anew, after removing what the last build installed."""
-    manifest = BUILD / "install_manifest.txt"
+    """Build and install the message package."""
+    build_interfaces(ROOT / "msg_defs", BUILDS / "pga_me_msgs")
+
+
+def build_tf2_msgs() -> None:
+    """Build and install the message of /tf, for which there is no wheel."""
+    build_interfaces(ROOT / "scripts" / "tf2_msgs", BUILDS / "tf2_msgs")
+
+
+def build_interfaces(source: Path, build: Path) -> None:
+    """Build and install an interface package anew, after removing what its last build installed."""
+    manifest = build / "install_manifest.txt"
     if manifest.is_file():
         for line in manifest.read_text().splitlines():
             Path(line).unlink(missing_ok=True)
-    shutil.rmtree(BUILD, ignore_errors=True)
+    shutil.rmtree(build, ignore_errors=True)
     cmake = VENV / "bin/cmake"
     run_logged(
-        cmake, "-S", "msg_defs", "-B", BUILD, "-G", "Unix Makefiles",
+        cmake, "-S", source, "-B", build, "-G", "Unix Makefiles",
         f"-DCMAKE_INSTALL_PREFIX={VENV}",
         f"-DPython3_EXECUTABLE={VENV / 'bin/python3'}",
         CMAKE_FOR_WHEELS,
         "-DCMAKE_BUILD_TYPE=Release", "-DBUILD_TESTING=OFF",
     )  # fmt: skip
-    run_logged(cmake, "--build", BUILD, "--parallel", str(os.cpu_count() or 1))
-    run_logged(cmake, "--install", BUILD)
+    run_logged(cmake, "--build", build, "--parallel", str(os.cpu_count() or 1))
+    run_logged(cmake, "--install", build)
 
 
 def install_package() -> None:

@@ -24,6 +24,7 @@ from setup_steps import (
     VENV,
     SetupError,
     build_messages,
+    build_tf2_msgs,
     check_machine,
     create_venv,
     install_package,
@@ -98,6 +99,14 @@ STEPS = (
             "msg_defs", "scripts/drop_missing_includes.cmake", "requirements/build.txt"
         ),
         build_messages,
+    ),
+    Step(
+        "transforms",
+        "building tf2_msgs, for which there is no wheel",
+        lambda: files_below(
+            "scripts/tf2_msgs", "scripts/drop_missing_includes.cmake", "requirements/build.txt"
+        ),
+        build_tf2_msgs,
     ),
     Step(
         "package",

@@ -24,7 +24,8 @@ def setting(
     """Declare a field of a settings dataclass.
 
     Args:
-        default: Value when nobody gives one; its type is the setting's type.
+        default: Value when nobody gives one; its type is the setting's type. An empty tuple stands for any number of
+            floats.
         description: One sentence for people.
         low: Least allowed value (each entry, for a tuple).
         high: Greatest allowed value.
@@ -58,10 +59,12 @@ def checked_value(f: dataclasses.Field[Any], value: Any) -> Any:
         SettingsError: The value has the wrong type or is out of range.
     """
     if isinstance(f.default, tuple):
+        kind = type(f.default[0]) if f.default else float
         if isinstance(value, (str, bytes)) or not hasattr(value, "__iter__"):
-            raise SettingsError(f"{f.name} must be a list of integers, not {value!r}.")
-        entries = tuple(_checked_scalar(f, v, int) for v in value)
-        if not entries:
+            entries_are = "integers" if kind is int else "numbers"
+            raise SettingsError(f"{f.name} must be a list of {entries_are}, not {value!r}.")
+        entries = tuple(_checked_scalar(f, v, kind) for v in value)
+        if f.default and not entries:
             raise SettingsError(f"{f.name} must name at least one layer, for example [128, 128].")
         return entries
     return _checked_scalar(f, value, type(f.default))

@@ -1,1 +1,1 @@
-"""Behaviours to look at: the simulated robot as a model, as messages for ROS tools, and as pictures."""
+"""Behaviours to play: the simulated robot as a model and as messages for ROS tools."""

@@ -95,7 +95,7 @@ class BodyReader:
         for index in self._below_torso():
             if index in names:
                 continue  # it became one with the link before
-            # A model with several joints, or one in mid-air, in a body becomes a chain of empty links: not worth a frame.
+            # A model with several joints, or one in mid-air, in a body becomes a chain of empty links.
             part = self._welded_to_nothing(index)
             frames[index], names[index] = Transform(), self._name(part)
             if part != index:

@@ -16,8 +16,8 @@ def capsule_poses(path: Path) -> dict[str, list[Transform | None]]:
         path: MJCF file.
 
     Returns:
-        By the name of a body, an entry per geom in the file's order: the pose in the body's frame of a capsule that lies
-        along z, None for a geom that is given in another way.
+        By the name of a body, an entry per geom in the file's order: the pose of the capsule, which lies along z, in
+        the body's frame; None for a geom that is given in another way.
 
     Raises:
         TaskError: The file is missing or is no MJCF.

@@ -1,4 +1,4 @@
-"""A robot as ROS tools see it: links with shapes, joints between them, and the poses that follow from joint positions."""
+"""A robot as ROS tools see it: links with shapes, joints between them, and the poses that follow."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ class Transform(NamedTuple):
     position: Vector = ZERO
     rotation: Quaternion = UNTURNED
 
-    def __matmul__(self, inner: Transform) -> Transform:  # type: ignore[override]
+    def __matmul__(self, inner: Transform) -> Transform:
         """Return the pose, in our outer frame, of a frame whose pose in our inner one is given."""
         return Transform(self.apply(inner.position), multiply(self.rotation, inner.rotation))
 

@@ -13,6 +13,8 @@ TRANSITIONS = "experience/transitions"
 SNAPSHOT = "critic/snapshot"
 PROGRESS = "progress"
 STATUS = "status"
+DIAGNOSTICS = "/diagnostics"
+"""Absolute by convention: monitors listen there, and entries carry full names."""
 
 EVALUATE = "~/evaluate"
 ADD_TO_ARCHIVE = "archive/add"
@@ -24,3 +26,12 @@ PROPOSE = "variation/propose"
 PAUSE = "~/pause"
 RESUME = "~/resume"
 STOP = "~/stop"
+
+JOINT_STATES = "joint_states"
+ODOMETRY = "odom"
+ROBOT_DESCRIPTION = "robot_description"
+
+# Whatever the namespace: tools look for these at the root.
+TF = "/tf"
+TF_STATIC = "/tf_static"
+CLOCK = "/clock"

@@ -30,3 +30,9 @@ LATCHED = _reliable(1, latched=True)
 
 STATUS = _reliable(50)
 """Signs of life of the nodes."""
+
+DIAGNOSTICS = _reliable(1)
+"""As diagnostic_updater publishes."""
+
+STREAM = _reliable(100)
+"""A robot in motion: one message per control step."""

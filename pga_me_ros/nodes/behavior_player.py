@@ -1,0 +1,207 @@
+"""Behaviour player: runs a gait in simulation at the pace of real time, for RViz, Foxglove and other nodes to see."""
+
+from __future__ import annotations
+
+import os
+import threading
+from pathlib import Path
+from typing import Any
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as evaluators have it
+
+from nav_msgs.msg import Odometry
+from rclpy.executors import ExternalShutdownException
+from rclpy.task import Future
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+from tf2_msgs.msg import TFMessage
+
+from pga_me_ros.core.errors import TaskError
+from pga_me_ros.core.schedule import evaluation_rng
+from pga_me_ros.core.settings import Settings
+from pga_me_ros.nodes.options import RunOptions
+from pga_me_ros.player.body_reader import BodyReader
+from pga_me_ros.player.display import require_display
+from pga_me_ros.player.messages import RobotMessages, stamp_of
+from pga_me_ros.player.pace import Pace
+from pga_me_ros.player.promise import is_kept, kept
+from pga_me_ros.player.recording import watched_rollout
+from pga_me_ros.player.settings import PlayerSettings, wanted
+from pga_me_ros.player.source import Served, Source, Stored
+from pga_me_ros.player.urdf import urdf
+from pga_me_ros.ros import names, qos
+from pga_me_ros.ros.command_line import Program
+from pga_me_ros.ros.graph_node import GraphNode
+from pga_me_ros.ros.parameters import declare, on_change
+from pga_me_ros.ros.process import run_node
+from pga_me_ros.tasks.protocol import Task
+from pga_me_ros.tasks.registry import load_task, make_task
+
+TICK = 0.1
+"""Seconds between two looks at whether to end while an answer is awaited."""
+
+
+class BehaviorPlayer(GraphNode):
+    """One robot in simulation.
+
+    A thread of its own plays, so that the node answers meanwhile; what ends it is raised in the executor.
+    """
+
+    def __init__(self) -> None:
+        super().__init__("behavior_player")
+        self._values = declare(self, PlayerSettings, shared=(Settings, RunOptions))
+        self._wanted = wanted(self._values)
+        if self._values["gui"]:
+            require_display()
+        self._stop = threading.Event()
+        self._pace = Pace(self._values["speed"], self._stop)
+        on_change(self, lambda _: None, self._change)
+        self._clock_topic = self.create_publisher(Clock, names.CLOCK, qos.STREAM)
+        self._joint_topic = self.create_publisher(JointState, names.JOINT_STATES, qos.STREAM)
+        self._frame_topic = self.create_publisher(TFMessage, names.TF, qos.STREAM)
+        self._fixed_topic = self.create_publisher(TFMessage, names.TF_STATIC, qos.LATCHED)
+        self._odometry_topic = self.create_publisher(Odometry, names.ODOMETRY, qos.STREAM)
+        self._description_topic = self.create_publisher(
+            String, names.ROBOT_DESCRIPTION, qos.LATCHED
+        )
+        self._steps = 0
+        self._messages: RobotMessages | None = None
+        self._outcome: Exception = ExternalShutdownException()
+        self._end = self.create_guard_condition(self._raise_outcome)
+        self._player = threading.Thread(target=self._play, name="player")
+        # Begins once the executor spins, so that the thread may wait for answers.
+        self._begin = self.create_timer(0.0, self._start)
+
+    def _start(self) -> None:
+        self._begin.cancel()
+        self._player.start()
+
+    def _raise_outcome(self) -> None:
+        raise self._outcome
+
+    def _change(self, changed: dict[str, Any]) -> None:
+        self._pace.speed = changed.get("speed", self._pace.speed)
+
+    def _play(self) -> None:
+        """Play all episodes; runs in the player's thread."""
+        try:
+            source: Source = (
+                Stored(Path(self._values["run_dir"]))
+                if self._values["run_dir"]
+                else Served(self, self._answer)
+            )
+            self.start_heartbeat(task=source.task)
+            task = self._open_task(source.task)
+            try:
+                episode = 0
+                while episode != (self._values["episodes"] or -1):
+                    self._play_episode(source, task, episode)
+                    episode += 1
+            finally:
+                task.close()
+        except Exception as error:
+            self._outcome = error
+        if self.context.ok():
+            self._end.trigger()
+
+    def _answer(self, future: Future) -> Any:
+        """Wait for what a service answers, or for the end of the node.
+
+        Raises:
+            ExternalShutdownException: The node is to end.
+        """
+        answered = threading.Event()
+        future.add_done_callback(lambda _: answered.set())
+        while not answered.wait(TICK):
+            self._check_end()
+        return future.result()
+
+    def _check_end(self) -> None:
+        if self._stop.is_set() or not self.context.ok():
+            raise ExternalShutdownException
+
+    def _open_task(self, name: str) -> Task:
+        if not self._values["gui"]:
+            return make_task(name)
+        try:
+            return load_task(name)(render=True)
+        except TypeError as error:
+            raise TaskError(
+                f"task '{name}' opens no window ({error}); its class takes no argument `render`, so leave gui out"
+            ) from error
+
+    def _play_episode(self, source: Source, task: Task, episode: int) -> None:
+        gait = source.choose(self._wanted)
+        numbers = ", ".join(f"{x:.3f}" for x in gait.descriptor)
+        self.get_logger().info(
+            f"cell {gait.cell}, descriptor [{numbers}], {gait.distance:.3f} from what was asked for: "
+            f"playing {task.spec.name} at {self._pace.speed:g} x real time"
+        )
+        period = task.spec.control_period
+
+        def look(step: int, reader: BodyReader) -> None:
+            if step:
+                self._pace.wait(period)
+            else:
+                self._pace.begin()
+            self._check_end()
+            self._show(reader, period)
+
+        fresh = self._values["start"] == "fresh"
+        rng = (
+            evaluation_rng(source.seed + 1, episode)  # as no evaluation of the run was started
+            if fresh
+            else evaluation_rng(source.seed, gait.evaluation)
+        )
+        done = watched_rollout(task, gait.controller, rng, look)
+        self.count_done()
+        factor = done.length * period / max(self._pace.elapsed(), 1e-9)
+        text = f"episode {episode + 1}: {kept(gait, done)}; {done.length} steps at {factor:.2f} x real time"
+        if fresh or is_kept(gait, done):
+            self.get_logger().info(text)
+        else:
+            self.get_logger().warning(
+                f"{text}; the repertoire comes from other libraries or another kind of machine"
+            )
+
+    def _show(self, reader: BodyReader, period: float) -> None:
+        """Publish what the robot does at this moment."""
+        nanoseconds = round(1e9 * period * self._steps)
+        self._steps += 1
+        if self._values["clock"]:
+            stamp = stamp_of(nanoseconds)
+            self._clock_topic.publish(Clock(clock=stamp))
+        else:
+            stamp = self.get_clock().now().to_msg()
+        if self._messages is None:
+            self._messages = RobotMessages(reader.model, self._values["frame_prefix"])
+            self._description_topic.publish(String(data=urdf(reader.model)))
+            self._fixed_topic.publish(self._messages.fixed_frames(stamp))
+        state = reader.state()
+        self._frame_topic.publish(self._messages.moving_frames(state, stamp))
+        self._joint_topic.publish(self._messages.joint_state(state, stamp))
+        self._odometry_topic.publish(self._messages.odometry(state, stamp))
+
+    def destroy_node(self) -> None:
+        """Stop playing, then destroy the node."""
+        self._stop.set()
+        if self._player.is_alive():
+            self._player.join()
+        super().destroy_node()
+
+
+PROGRAM = Program(
+    "behavior_player",
+    "Plays a gait of a repertoire in simulation: /joint_states, /tf, /odom, /clock and /robot_description.",
+    (PlayerSettings,),
+)
+
+
+def main() -> int:
+    """Run the behaviour player."""
+    return run_node(PROGRAM, BehaviorPlayer)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,43 @@
+"""Whether a window can be opened: PyBullet ends the process where there is no display."""
+
+from __future__ import annotations
+
+import ctypes
+import ctypes.util
+import os
+import sys
+
+from pga_me_ros.core.errors import SettingsError
+
+
+def require_display() -> None:
+    """Check that there is a display.
+
+    Raises:
+        SettingsError: There is none, or it does not answer.
+    """
+    if not sys.platform.startswith("linux"):
+        return
+    name = os.environ.get("DISPLAY", "")
+    if not name:
+        raise SettingsError(
+            "There is no display for a window (DISPLAY is not set); leave gui out and look at the robot in RViz or "
+            "Foxglove, or draw it into a file with `ros2 run pga_me_ros render`."
+        )
+    if not _answers():
+        raise SettingsError(
+            f"Display '{name}' cannot be opened for a window; set DISPLAY to one that you may use, or leave gui out."
+        )
+
+
+def _answers() -> bool:
+    """Whether the display opens; also true when there is no way to find out."""
+    library = ctypes.util.find_library("X11")
+    if library is None:
+        return True
+    x11 = ctypes.CDLL(library)
+    x11.XOpenDisplay.restype = ctypes.c_void_p
+    display = x11.XOpenDisplay(None)
+    if display:
+        x11.XCloseDisplay(ctypes.c_void_p(display))
+    return bool(display)

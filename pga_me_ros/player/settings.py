@@ -1,0 +1,89 @@
+"""Parameters of the behaviour player."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from pga_me_ros.core.errors import SettingsError
+from pga_me_ros.core.setting_field import setting
+from pga_me_ros.core.settings import INT64_MAX
+
+
+@dataclass(frozen=True)
+class PlayerSettings:
+    """What is played, and how."""
+
+    select: str = setting(
+        "auto",
+        "Which gait: that nearest to 'descriptor', that of 'cell', the 'best', or a 'random' one, another for each "
+        "episode; 'auto' goes by which of descriptor and cell is given, and takes the best without.",
+        choices=("auto", "descriptor", "cell", "best", "random"),
+    )
+    descriptor: tuple[float, ...] = setting(
+        (), "Wanted descriptor, one number per dimension, each with a point: [0.9, 0.1]."
+    )
+    cell: int = setting(-1, "Wanted cell of the archive; -1 for none.", low=-1, high=INT64_MAX)
+    min_fitness: float = setting(-math.inf, "Least fitness of what may be chosen.")
+    run_dir: str = setting(
+        "",
+        "Folder of a run, or its repertoire file, to take the gait from; empty asks whoever serves a repertoire.",
+    )
+    episodes: int = setting(
+        1, "Episodes to play; 0 goes on until it is stopped.", low=0, high=INT64_MAX
+    )
+    start: str = setting(
+        "evaluated",
+        "Initial pose: 'evaluated' is that of the evaluation, which is repeated bit for bit; 'fresh' is another one in "
+        "each episode.",
+        choices=("evaluated", "fresh"),
+    )
+    speed: float = setting(
+        1.0,
+        "Simulated seconds per second; 0 plays as fast as the machine can.",
+        low=0.0,
+        high=1000.0,
+        rate=True,
+    )
+    clock: bool = setting(
+        True,
+        "Whether stamps count simulated time, which /clock tells; otherwise they are of the system's clock.",
+    )
+    frame_prefix: str = setting(
+        "", "Put before the names of frames, for several robots in one tree: left/."
+    )
+    gui: bool = setting(False, "Whether to open PyBullet's window.")
+
+
+def wanted(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return which gait the parameters ask for, as arguments of `RepertoireClient.get_behavior`.
+
+    Args:
+        values: Parameters by name.
+
+    Raises:
+        SettingsError: They contradict each other.
+    """
+    descriptor, cell, select = values["descriptor"], values["cell"], values["select"]
+    given = [
+        name for name, is_given in (("descriptor", descriptor), ("cell", cell >= 0)) if is_given
+    ]
+    if select == "auto":
+        select = given[0] if given else "best"
+    if any(name != select for name in given):
+        raise SettingsError(
+            f"{' and '.join(given)} given, but the gait is chosen by {select}; leave out what is not meant."
+        )
+    if select in ("descriptor", "cell") and select not in given:
+        raise SettingsError(f"select is '{select}', but no {select} is given: -p {select}:=...")
+    choice: dict[str, Any] = {
+        "descriptor": {"descriptor": list(descriptor)},
+        "cell": {"cell": cell},
+        "best": {"best": True},
+        "random": {"random": True},
+    }[select]
+    if values["min_fitness"] > -math.inf:
+        choice["min_fitness"] = values["min_fitness"]
+    return choice

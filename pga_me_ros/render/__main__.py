@@ -1,0 +1,168 @@
+"""``ros2 run pga_me_ros render RUN``: a stored gait as an animated GIF, or many of them in one picture."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as evaluators have it
+
+from pga_me_ros.core.errors import PgaError, RequestError, StorageError
+from pga_me_ros.core.schedule import evaluation_rng
+from pga_me_ros.player.promise import kept
+from pga_me_ros.player.recording import Recording, record
+from pga_me_ros.player.stored import Gait, StoredRepertoire
+from pga_me_ros.tasks.protocol import Task
+from pga_me_ros.tasks.registry import make_task
+
+COLUMNS = 8
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Draw what the command line asks for, and print the name of the file.
+
+    Args:
+        args: Command line without the program's name, None for the process's own.
+
+    Returns:
+        Exit status: 0, or 2 when it could not be done.
+    """
+    asked = _parser().parse_args(args)
+    try:
+        print(render(asked))
+    except BrokenPipeError:  # the reader, such as `head`, has seen enough
+        sys.stderr.close()
+    except KeyboardInterrupt:
+        return 130
+    except (PgaError, OSError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    return 0
+
+
+def render(asked: argparse.Namespace) -> Path:
+    """Carry out a parsed command line.
+
+    Returns:
+        The file that was written.
+
+    Raises:
+        PgaError: The run cannot be read, has no such gait, its task cannot be drawn, or the file cannot be written.
+    """
+    repertoire = StoredRepertoire.load(asked.run)
+    ending = ".png" if asked.sheet else ".gif"
+    out = asked.out or Path(f"{repertoire.name}{'-gaits' if asked.sheet else ''}{ending}")
+    if out.suffix.lower() != ending or out.is_dir():
+        raise RequestError(f"--out is '{out}'; give the name of a file that ends in {ending}.")
+    if not out.absolute().parent.is_dir():
+        raise StorageError(f"There is no folder '{out.absolute().parent}'; make it first.")
+    task = make_task(repertoire.task)
+    try:
+        if asked.sheet:
+            _draw_sheet(asked, repertoire, task, out)
+        else:
+            _draw_animation(asked, repertoire, task, out)
+    finally:
+        task.close()
+    return out
+
+
+def _draw_animation(
+    asked: argparse.Namespace, repertoire: StoredRepertoire, task: Task, out: Path
+) -> None:
+    # Pillow and the drawing are loaded when all that was asked for is known to make sense.
+    gait = repertoire.choose(
+        descriptor=asked.descriptor,
+        cell=asked.cell,
+        random=asked.random,
+        min_fitness=asked.min_fitness,
+    )
+    from pga_me_ros.render.animation import animation, save_gif
+
+    period = task.spec.control_period
+    every = max(1, round(1.0 / (asked.fps * period)))
+    recording = _recorded(repertoire, task, gait, every)
+    times = [step * period for step in recording.steps]
+    count = len([time for time in times if asked.start <= time < asked.start + asked.seconds])
+    if not count:
+        raise RequestError(f"The episode ends after {times[-1]:.2f} s; give a smaller --start.")
+    first = len([time for time in times if time < asked.start])
+    shown = slice(first, first + count)
+    part = Recording(
+        recording.model, recording.states[shown], recording.steps[shown], recording.episode
+    )
+    frames = animation(part, gait, period, tuple(asked.size))
+    save_gif(out, frames, [time / asked.speed for time in times[shown]])
+
+
+def _draw_sheet(
+    asked: argparse.Namespace, repertoire: StoredRepertoire, task: Task, out: Path
+) -> None:
+    from pga_me_ros.render.contact_sheet import Row, contact_sheet, spread_cells
+
+    least = -float("inf") if asked.min_fitness is None else asked.min_fitness
+    cells = spread_cells(repertoire.archive, asked.sheet, least)
+    if not cells:
+        raise RequestError(
+            f"No gait has a fitness of {least:g} or more; the best has {repertoire.archive.max_fitness:.1f}."
+        )
+    gaits = [repertoire.gait(cell) for cell in cells]
+    rows = [Row(gait, _recorded(repertoire, task, gait, 1)) for gait in gaits]
+    names = ", ".join(repertoire.spec.descriptor_names)
+    title = f"{repertoire.spec.name}: {len(rows)} of {len(repertoire.archive)} gaits, described by [{names}]"
+    contact_sheet(title, rows, asked.columns, task.spec.control_period).save(out, optimize=True)
+
+
+def _recorded(repertoire: StoredRepertoire, task: Task, gait: Gait, every: int) -> Recording:
+    """Run a gait from the very start of its evaluation, and say whether it came to the same."""
+    rng = evaluation_rng(repertoire.seed, gait.evaluation)
+    recording = record(task, gait.controller, rng, every)
+    print(f"cell {gait.cell}: {kept(gait, recording.episode)}", file=sys.stderr)
+    return recording
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="render", description=__doc__)
+    parser.add_argument("run", type=Path, help="folder of a run, or its repertoire file")
+    which = parser.add_mutually_exclusive_group()
+    which.add_argument("--best", action="store_true", help="draw the fittest gait (the default)")
+    which.add_argument("--descriptor", type=float, nargs="+", help="draw the nearest gait")
+    which.add_argument("--cell", type=int, help="draw the gait of a cell")
+    which.add_argument("--random", action="store_true", help="draw any gait")
+    which.add_argument(
+        "--sheet", type=_at_least_one, metavar="N", help="draw N gaits that differ, in one PNG"
+    )
+    parser.add_argument("--min-fitness", type=float, help="only gaits of this fitness or more")
+    parser.add_argument("--out", type=Path, help="file to write; a GIF, or a PNG with --sheet")
+    parser.add_argument("--start", type=float, default=0.0, help="seconds to leave out (GIF)")
+    parser.add_argument("--seconds", type=_positive, default=10.0, help="seconds to show (GIF)")
+    parser.add_argument("--speed", type=_positive, default=1.0, help="1 is real time (GIF)")
+    parser.add_argument("--fps", type=_positive, default=20.0, help="pictures per second (GIF)")
+    parser.add_argument(
+        "--size", type=_at_least_one, nargs=2, default=(360, 270), help="pixels (GIF)"
+    )
+    parser.add_argument(
+        "--columns", type=_at_least_one, default=COLUMNS, help="moments per gait (sheet)"
+    )
+    return parser
+
+
+def _at_least_one(word: str) -> int:
+    number = int(word)
+    if number < 1:
+        raise argparse.ArgumentTypeError(f"'{word}' is not 1 or more")
+    return number
+
+
+def _positive(word: str) -> float:
+    number = float(word)
+    if not 0.0 < number < float("inf"):
+        raise argparse.ArgumentTypeError(f"'{word}' is not above 0")
+    return number
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,82 @@
+"""A gait as an animated GIF."""
+
+from __future__ import annotations
+
+import itertools
+from pathlib import Path
+
+from PIL import Image
+
+from pga_me_ros.core.errors import StorageError
+from pga_me_ros.player.recording import Recording
+from pga_me_ros.player.stored import Gait
+from pga_me_ros.render.camera import Camera
+from pga_me_ros.render.labels import described, labelled
+from pga_me_ros.render.scene import Scene
+
+COLOURS = 64
+"""Colours of a GIF: few make small files, and flat shades need no more."""
+
+TICK = 0.01
+"""Unit of a GIF's times, s."""
+
+
+def animation(
+    recording: Recording, gait: Gait, period: float, size: tuple[int, int]
+) -> list[Image.Image]:
+    """Draw the frames of an animation.
+
+    Args:
+        recording: The episode.
+        gait: What it shows.
+        period: Time of a step, s.
+        size: Width and height, pixels.
+    """
+    camera = Camera.for_robot(recording.model, recording.states[0])
+    scene = Scene(recording.model, *size)
+    start = recording.states[0].base.position[0]
+    title = ", ".join(described(gait))
+    frames = []
+    try:
+        for step, state in zip(recording.steps, recording.states, strict=True):
+            x = state.base.position[0] - start
+            lines = [title, f"{step * period:.2f} s   {x:+.2f} m"]
+            frames.append(labelled(scene.picture(state, camera), lines))
+    finally:
+        scene.close()
+    return frames
+
+
+def save_gif(path: Path, frames: list[Image.Image], times: list[float]) -> None:
+    """Write an animation that repeats for ever.
+
+    Args:
+        path: File to write.
+        frames: Its pictures.
+        times: When each is to be seen, s from the start. The last one stays for a second.
+
+    Raises:
+        StorageError: The file cannot be written.
+    """
+    # One palette for all, or colours would flicker; made of frames from all over, as the first may lack some.
+    sample = frames[:: max(1, len(frames) // 6)]
+    strip = Image.new("RGB", (frames[0].width, frames[0].height * len(sample)))
+    for k, frame in enumerate(sample):
+        strip.paste(frame, (0, k * frame.height))
+    palette = strip.quantize(COLOURS, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
+    few = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
+    # Rounding each time, not each duration: errors do not add up.
+    ticks = [round(time / TICK) for time in times]
+    lasting = [10 * (b - a) for a, b in itertools.pairwise(ticks)] + [1000]
+    try:
+        few[0].save(
+            path,
+            format="GIF",
+            save_all=True,
+            append_images=few[1:],
+            duration=lasting,
+            loop=0,
+            optimize=False,
+        )
+    except OSError as error:
+        raise StorageError(f"'{path}' cannot be written ({error.strerror or error}).") from error

@@ -1,0 +1,122 @@
+"""Many gaits of an archive in one picture: a row each, moments of the episode from left to right."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from pga_me_ros.core.archive import Archive
+from pga_me_ros.player.recording import Recording
+from pga_me_ros.player.stored import Gait
+from pga_me_ros.render.camera import Camera
+from pga_me_ros.render.labels import PAPER, described, write
+from pga_me_ros.render.scene import Scene
+
+LABEL = 150
+"""Width of the column of words, pixels."""
+
+HEAD = 34
+"""Height of the title, pixels."""
+
+GAP = 3
+"""Between two pictures, pixels."""
+
+LETTERS = 13
+
+
+@dataclass(frozen=True)
+class Row:
+    """A gait and an episode of it."""
+
+    gait: Gait
+    recording: Recording
+
+
+def spread_cells(archive: Archive, count: int, min_fitness: float) -> list[int]:
+    """Return cells whose elites lie far from each other, in the order of their descriptors.
+
+    The first one chosen is the fittest; each further one has the greatest distance to those before, in units of the
+    descriptor space's edges.
+
+    Args:
+        archive: The archive, not empty.
+        count: Most cells to return.
+        min_fitness: Elites below are passed over.
+    """
+    cells = archive.filled_cells()
+    cells = cells[archive.fitness[cells] >= min_fitness]
+    if not len(cells):
+        return []
+    points = (archive.descriptors[cells] - archive.low) / (archive.high - archive.low)
+    chosen = [int(np.argmax(archive.fitness[cells]))]
+    apart = _distances(points, chosen[0])
+    while len(chosen) < min(count, len(cells)) and apart.max() > 0.0:
+        chosen.append(int(np.argmax(apart)))
+        apart = np.minimum(apart, _distances(points, chosen[-1]))
+    order = sorted(chosen, key=lambda k: tuple(points[k]))
+    return [int(cells[k]) for k in order]
+
+
+def _distances(points: NDArray[np.float64], k: int) -> NDArray[np.float64]:
+    distances: NDArray[np.float64] = np.linalg.norm(points - points[k], axis=1)
+    return distances
+
+
+def contact_sheet(
+    title: str,
+    rows: Sequence[Row],
+    columns: int,
+    period: float,
+    size: tuple[int, int] = (176, 132),
+) -> Image.Image:
+    """Draw a contact sheet.
+
+    Args:
+        title: Heading.
+        rows: What to show, all of the same robot.
+        columns: Moments per gait, evenly spaced over its episode.
+        period: Time of a step, s.
+        size: Width and height of a picture, pixels.
+    """
+    width, height = size
+    sheet = Image.new(
+        "RGB",
+        (LABEL + columns * (width + GAP), HEAD + len(rows) * (height + GAP)),
+        PAPER,
+    )
+    write(sheet, (8, 8), [title], LETTERS + 2)
+    first = rows[0].recording
+    scene = Scene(first.model, *size)
+    try:
+        for i, row in enumerate(rows):
+            top = HEAD + i * (height + GAP)
+            write(sheet, (8, top + 8), _words(row, period), LETTERS)
+            for j, picture in enumerate(_moments(row.recording, columns, scene, period)):
+                sheet.paste(picture, (LABEL + j * (width + GAP), top))
+    finally:
+        scene.close()
+    return sheet
+
+
+def _moments(recording: Recording, columns: int, scene: Scene, period: float) -> list[Image.Image]:
+    camera = Camera.for_robot(recording.model, recording.states[0])
+    start = recording.states[0].base.position[0]
+    pictures = []
+    for k in np.linspace(0, len(recording.states) - 1, columns).round().astype(int):
+        state, step = recording.states[k], recording.steps[k]
+        image = Image.fromarray(scene.picture(state, camera))
+        words = f"{step * period:.2f} s   {state.base.position[0] - start:+.2f} m"
+        write(image, (5, 3), [words], LETTERS - 2)
+        pictures.append(image)
+    return pictures
+
+
+def _words(row: Row, period: float) -> list[str]:
+    episode = row.recording.episode
+    seconds = episode.length * period
+    end = f"falls after {seconds:.1f} s" if episode.terminated else f"runs for {seconds:.1f} s"
+    return [f"cell {row.gait.cell}", *described(row.gait), end]

@@ -1,0 +1,47 @@
+"""Words in pictures."""
+
+from __future__ import annotations
+
+import numpy as np
+from PIL import Image, ImageDraw, ImageFont
+
+from pga_me_ros.player.stored import Gait
+from pga_me_ros.render.scene import Picture
+
+INK = (40, 44, 52)
+PAPER = (255, 255, 255)
+LINE = 1.35
+"""Distance between lines of text over the size of its letters."""
+
+
+def described(gait: Gait) -> list[str]:
+    """Return what a gait promises, in two lines."""
+    numbers = ", ".join(f"{x:.2f}" for x in gait.descriptor)
+    return [f"[{numbers}]", f"fitness {gait.fitness:.0f}"]
+
+
+def write(image: Image.Image, place: tuple[float, float], lines: list[str], size: int) -> None:
+    """Write lines of text into an image.
+
+    Args:
+        image: Image to be changed.
+        place: Upper left corner, pixels.
+        lines: Text.
+        size: Size of the letters, pixels.
+    """
+    draw, font = ImageDraw.Draw(image), ImageFont.load_default(size)
+    for k, line in enumerate(lines):
+        draw.text((place[0], place[1] + k * LINE * size), line, fill=INK, font=font)
+
+
+def labelled(picture: Picture, lines: list[str], size: int = 13) -> Image.Image:
+    """Return a picture with lines of text in its upper left corner.
+
+    Args:
+        picture: (height, width, 3) uint8.
+        lines: Text.
+        size: Size of the letters, pixels.
+    """
+    image = Image.fromarray(np.ascontiguousarray(picture))
+    write(image, (6, 4), lines, size)
+    return image
