@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import socket
 import threading
 import time
 from dataclasses import dataclass
@@ -13,11 +14,12 @@ os.environ.setdefault(
 )  # one episode is one thread: worlds scale, BLAS must not
 
 import numpy as np
-from pga_me_msgs.msg import Transitions
+import rclpy
+from pga_me_msgs.msg import NodeStatus, Transitions
 from pga_me_msgs.srv import Evaluate
 from rclpy.executors import ExternalShutdownException
 
-from pga_me_ros.core.errors import RequestError
+from pga_me_ros.core.errors import PgaError, RequestError
 from pga_me_ros.core.policy import Controller, MlpShape
 from pga_me_ros.core.schedule import evaluation_rng
 from pga_me_ros.core.setting_field import setting
@@ -27,13 +29,18 @@ from pga_me_ros.ros import names, qos
 from pga_me_ros.ros.command_line import Program
 from pga_me_ros.ros.convert import episode_to_msg, finite, flat, shaped
 from pga_me_ros.ros.graph_node import GraphNode, own_name
+from pga_me_ros.ros.namesakes import listening_time
 from pga_me_ros.ros.parameters import declare
-from pga_me_ros.ros.process import run_node
+from pga_me_ros.ros.process import PARENT_WATCH, run_node
+from pga_me_ros.ros.refusals import printable
 from pga_me_ros.tasks.registry import make_task
 from pga_me_ros.tasks.rollout import Episode, rollout
 
 READER_WAIT = 2.0
-"""Seconds that the first evaluation waits for a reader of its experience; the trainer's may still be on its way."""
+"""Seconds that a chunk waits for a reader of its experience; the trainer's may still be on its way."""
+
+ELDER = 5.0
+"""Seconds after the start: a namesake that is heard within them was there before."""
 
 
 @dataclass(frozen=True)
@@ -49,12 +56,14 @@ class Evaluator(GraphNode):
     def __init__(self) -> None:
         super().__init__("evaluator", own_name("evaluator"))
         self._task_name = declare(self, EvaluatorSettings, shared=(Settings, RunOptions))["task"]
+        if _named_by_hand(self):
+            self._require_free_name()
         self._task = make_task(self._task_name)
         self._spec = self._task.spec
         self._experience = self.create_publisher(
             Transitions, names.TRANSITIONS, qos.EXPERIENCE_WRITER
         )
-        self._heard_of = False
+        self._patience = READER_WAIT
         self.serve(Evaluate, names.EVALUATE, self._evaluate)
         libraries = ", ".join(f"{name} {version(name)}" for name in ("pybullet", "numpy"))
         self.start_heartbeat(task=self._task_name, versions=libraries)
@@ -63,6 +72,8 @@ class Evaluator(GraphNode):
         controllers = self._controllers(request)
         episodes: list[Episode] = []
         self._wait_for_reader()
+        self.diagnostics.run_id = request.run_id
+        self.diagnostics.queue = len(controllers)
         for evaluation, controller in zip(request.evaluations, controllers, strict=True):
             if not self.context.ok():
                 raise ExternalShutdownException  # others do what is left of the chunk
@@ -71,19 +82,50 @@ class Evaluator(GraphNode):
             episodes.append(episode)
             self._publish(request, evaluation, episode)
             self.count_done()
+            self.diagnostics.queue -= 1
         response.fitness = flat([e.fitness for e in episodes], "d")
         response.descriptors = flat([e.descriptor for e in episodes], "d")
         response.steps = flat([e.length for e in episodes], "q")
         response.terminated = [bool(e.terminated) for e in episodes]
 
+    def _require_free_name(self) -> None:
+        """Listen for a namesake before offering the service, which would get the namesake's requests as well.
+
+        Raises:
+            PgaError: One is there.
+        """
+        self._since = time.monotonic()
+        self.create_subscription(NodeStatus, names.STATUS, self._make_way, qos.STATUS)
+        while time.monotonic() < self._since + listening_time(self, self.get_name()):
+            rclpy.spin_once(self, timeout_sec=0.1)
+
+    def _make_way(self, msg: NodeStatus) -> None:
+        """Leave the name to an evaluator that was there before.
+
+        Raises:
+            PgaError: One is there.
+        """
+        is_other = (msg.host, msg.pid) != (socket.gethostname(), os.getpid())
+        was_there = time.monotonic() - self._since < ELDER
+        if msg.node == self.get_fully_qualified_name() and is_other and was_there:
+            raise PgaError(
+                f"The name {msg.node} is taken in this ROS domain by process {msg.pid} on {printable(msg.host)}. "
+                "Give this evaluator another one (--ros-args -r __node:=NAME), or none: it then makes up its own."
+            )
+
     def _wait_for_reader(self) -> None:
-        """Give discovery a moment before the first episode, which would be done again if nobody heard of it."""
-        deadline = time.monotonic() + READER_WAIT
+        """Give discovery a moment before an episode that nobody would hear of: it would have to be done again.
+
+        So it is when the evaluator has just been started, or has just been connected to the network again. Who asks
+        without listening, and is waited for in vain, is not waited for a second time.
+        """
+        deadline = time.monotonic() + self._patience
         pause = threading.Event()
-        while not self._heard_of and time.monotonic() < deadline and self.context.ok():
-            self._heard_of = self._experience.get_subscription_count() > 0
-            pause.wait(0.0 if self._heard_of else 0.01)
-        self._heard_of = True
+        while not (heard := self._experience.get_subscription_count() > 0):
+            if time.monotonic() >= deadline or not self.context.ok():
+                break
+            pause.wait(0.01)
+        self._patience = READER_WAIT if heard else 0.0
 
     def _publish(self, request: Evaluate.Request, evaluation: int, episode: Episode) -> None:
         msg = episode_to_msg(
@@ -127,6 +169,11 @@ class Evaluator(GraphNode):
         """Close the world, then destroy the node."""
         self._task.close()
         super().destroy_node()
+
+
+def _named_by_hand(node: Evaluator) -> bool:
+    """Whether a user gave a node its name: one that it makes up is free, and a run sees to those of its own."""
+    return node.get_name() != own_name("evaluator") and os.environ.get(PARENT_WATCH) != "1"
 
 
 PROGRAM = Program(

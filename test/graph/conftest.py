@@ -9,17 +9,20 @@ import pytest
 from domain_coordinator import domain_id
 from graph import Graph, Probe
 
-EXACT = ("test_determinism", "test_recovery")
+EXACT = ("test_chaos", "test_determinism", "test_recovery", "test_fuzz")
 """Tests of what must hold every single time."""
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Give tests of processes a second chance: a machine that stalls can pass any deadline, and discovery has none.
 
-    Not where the result of a run is at stake: a wrong repertoire fails at once.
+    Not where the result of a run is at stake: a wrong repertoire fails at once. Tests of minutes wait to be asked.
     """
     here = Path(__file__).parent
+    asked = config.getoption("markexpr")
     for item in items:
+        if item.get_closest_marker("two_hosts") and "two_hosts" not in asked:
+            item.add_marker(pytest.mark.skip(reason="takes minutes: make two-hosts"))
         if here in item.path.parents and item.path.stem not in EXACT:
             item.add_marker(pytest.mark.flaky(reruns=2))
 

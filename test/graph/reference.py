@@ -45,3 +45,9 @@ def run_digest(run_dir: Path) -> str:
     """Return the digest of what a run has committed."""
     with Repertoire.open(run_dir / "repertoire.db", read_only=True) as repertoire:
         return repertoire.result_digest()
+
+
+def evaluations_of(run_dir: Path) -> int:
+    """Return how many evaluations a run has committed."""
+    with Repertoire.open(run_dir / "repertoire.db", read_only=True) as repertoire:
+        return TINY["batch_size"] * len(repertoire.metrics())
