@@ -1,7 +1,7 @@
 # Every target sets up what is missing first; a set-up that is up to date costs a fraction of a second.
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help setup messages run test lint bench soak chaos clean
+.PHONY: help setup messages run test lint bench soak chaos two-hosts clean
 
 # Settings for the command line:
 PYTHON ?=
@@ -14,7 +14,7 @@ SETUP := PYTHON="$(PYTHON)" scripts/setup.sh
 IN_VENV := . .venv/setup.bash &&
 
 help: ## Show this list
-	@sed -nE 's/^([a-z]+):.*## (.*)/  make \1\t\2/p' Makefile | expand -t 18
+	@sed -nE 's/^([a-z-]+):.*## (.*)/  make \1\t\2/p' Makefile | expand -t 18
 	@echo
 	@echo '  TASK=qd_hopper picks config/qd_hopper.yaml for run; ARGS="..." goes to run (ROS arguments, as'
 	@echo '  -p evaluations:=20000), test (pytest options) and bench; PYTHON=/path/to/python3.11 to setup.'
@@ -42,6 +42,9 @@ soak: setup ## Watch the memory of a run of 1,000 generations (an hour)
 
 chaos: setup ## Kill a run's processes at random moments, for minutes, and compare what it ends with
 	@$(IN_VENV) exec python bench/chaos.py $(ARGS)
+
+two-hosts: setup ## Runs on two hosts made of network namespaces, whose cable is pulled (about 3 minutes)
+	@$(IN_VENV) exec python -m pytest -m two_hosts test/graph/test_two_hosts.py $(ARGS)
 
 clean: ## Remove what set-up, builds and tools left, but no run directory
 	rm -rf .venv build install log dist *.egg-info .hypothesis .mypy_cache .pytest_cache .ruff_cache
