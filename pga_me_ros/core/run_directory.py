@@ -12,11 +12,13 @@ from pga_me_ros.core.errors import StorageError
 from pga_me_ros.core.file_lock import FileLock
 from pga_me_ros.core.folders import make_folder
 from pga_me_ros.core.make_archive import make_archive
+from pga_me_ros.core.metrics_file import METRICS_FILE, MetricsFile
 from pga_me_ros.core.policy import controller_shape
 from pga_me_ros.core.run_info import RunInfo, library_versions
 from pga_me_ros.core.settings import RATES, Settings
 from pga_me_ros.core.storage import Repertoire
 from pga_me_ros.core.stored_state import require_sound_state
+from pga_me_ros.core.start_from import Controllers, starting_with, take_controllers
 from pga_me_ros.tasks.spec import TaskSpec
 
 REPERTOIRE = "repertoire.db"
@@ -39,6 +41,7 @@ class RunDirectory:
         settings: Settings with the rates that the next generation is made with.
         notes: What the user should know about how the run goes on.
         lock: Lock that the children inherit, so that it is free only when all are gone.
+        imported: (n, P) float32 controllers that the run starts with in place of random ones.
     """
 
     path: Path
@@ -48,6 +51,7 @@ class RunDirectory:
     settings: Settings
     notes: tuple[str, ...]
     lock: FileLock
+    imported: Controllers
 
     @property
     def repertoire(self) -> Path:
@@ -78,10 +82,15 @@ def open_run(path: Path, spec: TaskSpec, settings: Settings) -> RunDirectory:
         make_folder(folder)
     lock = FileLock(path / LOCK, wait=ORPHAN_WAIT)
     try:
-        if not (path / REPERTOIRE).exists():
+        new = not (path / REPERTOIRE).exists()
+        if new:
             _require_no_leftovers(path)
+        shape = controller_shape(spec, settings)
+        imported = take_controllers(path, spec, settings, shape, new=new)
+        settings = starting_with(settings, imported)
+        if new:
             _create(path / REPERTOIRE, spec, settings)
-        return _resume(path, spec, settings, lock)
+        return _resume(path, spec, settings, lock, imported)
     except BaseException:
         lock.release()
         raise
@@ -111,11 +120,14 @@ def _create(path: Path, spec: TaskSpec, settings: Settings) -> None:
     Repertoire.create(path, info, make_archive(spec, settings)).close()
 
 
-def _resume(path: Path, spec: TaskSpec, settings: Settings, lock: FileLock) -> RunDirectory:
+def _resume(
+    path: Path, spec: TaskSpec, settings: Settings, lock: FileLock, imported: Controllers
+) -> RunDirectory:
     with Repertoire.open(path / REPERTOIRE, read_only=True) as repertoire:
         info = repertoire.info
         info.require(settings, spec.to_json())
-        rates = repertoire.rates()
+        generations = repertoire.generations()
+    rates = [generation.rates for generation in generations]
     notes = [
         f"library versions differ from the run's start ({d}): results may not be bit for bit the same"
         for d in info.version_differences(library_versions())
@@ -130,7 +142,8 @@ def _resume(path: Path, spec: TaskSpec, settings: Settings, lock: FileLock) -> R
     before = settings.replace(**last)
     if len(rates) < settings.generations:
         notes += require_sound_state(path, rates, before, now)
-    return RunDirectory(path, info.run_id, len(rates), before, now, tuple(notes), lock)
+    MetricsFile(path / METRICS_FILE).rebuild(generations)
+    return RunDirectory(path, info.run_id, len(rates), before, now, tuple(notes), lock, imported)
 
 
 def _rates_of(settings: Settings) -> dict[str, Any]:

@@ -130,7 +130,7 @@ class Repertoire:
         Raises:
             StorageError: The file is damaged.
         """
-        last = self.last()
+        last = self._last()
         return -1 if last is None else last.metrics.generation
 
     def commit(
@@ -193,7 +193,7 @@ class Repertoire:
             for row in self._connection.execute("SELECT * FROM elites ORDER BY cell"):
                 archive.put(row_to_elite(row, archive))
                 digests.append(row[-1])
-            last = self.last()
+            last = self._last()
             expected = (
                 (0, xor_digests([]))
                 if last is None
@@ -216,15 +216,18 @@ class Repertoire:
                 raise Damaged("the row of a generation is missing")
         return rows
 
-    def last(self) -> Generation | None:
-        """Return what is stored of the last committed generation, None if there is none.
+    def generation(self, generation: int) -> Generation:
+        """Return what is stored of one generation beside its elites.
 
         Raises:
-            StorageError: Its row is damaged.
+            StorageError: Its row is damaged or missing.
         """
         with explained(self.path):
-            row = self._connection.execute(LAST_GENERATION).fetchone()
-            return None if row is None else row_to_generation(row)
+            query = "SELECT * FROM generations WHERE generation = ?"
+            row = self._connection.execute(query, (generation,)).fetchone()
+            if row is None:
+                raise Damaged(f"the row of generation {generation} is missing")
+            return row_to_generation(row)
 
     def metrics(self) -> list[Metrics]:
         """Return the metrics of all generations, in order.
@@ -278,6 +281,11 @@ class Repertoire:
         if row is None:
             raise Damaged("the run's description is missing")
         return row
+
+    def _last(self) -> Generation | None:
+        with explained(self.path):
+            row = self._connection.execute(LAST_GENERATION).fetchone()
+            return None if row is None else row_to_generation(row)
 
     def _insert(self, table: str, rows: Sequence[Row]) -> None:
         if rows:

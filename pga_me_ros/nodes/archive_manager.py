@@ -16,6 +16,7 @@ from pga_me_msgs.srv import AddToArchive, SampleParents
 from pga_me_ros.core.elites import NO_PARENT, Operator, Solutions, Status
 from pga_me_ros.core.errors import PgaError, RequestError, SettingsError, StorageError
 from pga_me_ros.core.metrics import Metrics, generation_metrics
+from pga_me_ros.core.metrics_file import METRICS_FILE, MetricsFile
 from pga_me_ros.core.schedule import evaluation_ids, sample_parents
 from pga_me_ros.core.setting_field import setting
 from pga_me_ros.core.settings import RATES, Settings
@@ -72,12 +73,14 @@ class ArchiveManager(GraphNode):
         self._info = self._file.info
         self._settings = Settings.from_mapping(self._info.settings)
         self._archive = self._file.load_archive()
-        metrics = self._file.metrics()
-        self._metrics = metrics[-1] if metrics else None
+        generations = self._file.generations()
+        self._metrics = generations[-1].metrics if generations else None
+        self._table = MetricsFile(path.with_name(METRICS_FILE))
         self._metrics_topic = self.create_publisher(MetricsMsg, names.METRICS, qos.LATCHED)
         self._heatmap = HeatmapTopic(self, self._archive)
         self._readers = RepertoireServices(self, self._info, self._archive, self._grow, path)
         if self._grow:
+            self._table.rebuild(generations)
             self.serve(AddToArchive, names.ADD_TO_ARCHIVE, self._add)
             self.serve(SampleParents, names.SAMPLE_PARENTS, self._sample)
         else:
@@ -131,6 +134,7 @@ class ArchiveManager(GraphNode):
         self._metrics = metrics
         self.count_done()
         self._show()
+        self._table.append(self._file.generation(request.generation))
         return [STATUS[status] for status in added.status.tolist()]
 
     def _return_to_file(self) -> None:
@@ -142,7 +146,7 @@ class ArchiveManager(GraphNode):
     def _metrics_of(self, generation: int) -> Metrics | None:
         if generation == self._last_generation:
             return self._metrics
-        return self._file.metrics()[generation]
+        return self._file.generation(generation).metrics
 
     def _solutions(self, request: AddToArchive.Request) -> Solutions:
         """Read the solutions of a request.

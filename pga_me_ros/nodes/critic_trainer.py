@@ -98,6 +98,7 @@ class CriticTrainerNode(GraphNode):
         else:
             self._learner.prepare(order, self._greedy_start(request))
             self._training = order
+            self.diagnostics.queue = 1
             threading.Thread(target=self._work, args=(order,), daemon=True).start()
 
     def _check_order(self, order: TrainingOrder) -> None:
@@ -136,9 +137,11 @@ class CriticTrainerNode(GraphNode):
             if not isinstance(error, PgaError):
                 self.get_logger().error(traceback.format_exc())
             self.refused(f"training failed: {self._fault}")
+            self.diagnostics.fault(f"training failed: {self._fault}")
         finally:
             # Before the snapshot is published: whoever hears of it may order the next training at once.
             self._training = None
+            self.diagnostics.queue = 0
         if snapshot is not None:
             self.count_done()
             self._publish(snapshot)

@@ -72,6 +72,13 @@ class EvaluatorPool:
         """Return the number of evaluators at work."""
         return len(self._workers)
 
+    @property
+    def waiting(self) -> int:
+        """Evaluations that no evaluator has answered yet, those sent twice counted twice."""
+        with self._lock:
+            sent = sum(len(c.ids) for worker in self._workers.values() for c in worker.chunks)
+            return len(self._queue) + sent
+
     def begin(self, generation: int) -> None:
         """Forget the last generation's work and results."""
         with self._lock:

@@ -34,7 +34,7 @@ from pga_me_ros.ros.refusals import printable
 from pga_me_ros.tasks.registry import task_spec
 
 HEARTBEAT = 1.0
-"""Seconds between two progress messages."""
+"""Seconds between two messages on progress and diagnostics."""
 
 
 class Signals:
@@ -97,11 +97,14 @@ def lead(control: Control, signals: Signals) -> int:
         Path(options.run_dir) if options.run_dir else default_run_dir(settings), spec, settings
     )
     control.take_rates(directory.settings)
-    # Steady: anybody may set use_sim_time, and a simulated clock may stand still.
-    timer = control.create_timer(
-        HEARTBEAT, progress.publish, clock=Clock(clock_type=ClockType.STEADY_TIME)
-    )
     run = Run(control, spec, directory, options, progress)
+
+    def beat() -> None:
+        progress.publish()
+        run.watch.publish(progress.msg)
+
+    # Steady: anybody may set use_sim_time, and a simulated clock may stand still.
+    timer = control.create_timer(HEARTBEAT, beat, clock=Clock(clock_type=ClockType.STEADY_TIME))
     progress.say(started(directory))
     try:
         run.grow()
@@ -114,8 +117,10 @@ def lead(control: Control, signals: Signals) -> int:
             progress.enter("stopping")
             progress.say(stopped(progress, directory, run))
             return signals.exit_code
-    except PgaError:
+    except PgaError as error:
         progress.enter("failed")
+        run.watch.failed(str(error))
+        run.watch.publish(progress.msg)
         if progress.msg.evaluations:
             progress.say(failed(progress, directory, run))
         raise

@@ -20,6 +20,7 @@ from pga_me_ros.nodes.loop_clients import LoopClients
 from pga_me_ros.nodes.options import RunOptions
 from pga_me_ros.nodes.progress import ProgressReporter
 from pga_me_ros.nodes.team import Team
+from pga_me_ros.nodes.watch import Watch
 from pga_me_ros.ros import names, qos
 from pga_me_ros.tasks.spec import TaskSpec
 
@@ -33,6 +34,9 @@ class Run:
         directory: Folder of the run.
         options: How the run is carried out.
         progress: Where it is reported.
+
+    Attributes:
+        watch: What it hears of its nodes.
     """
 
     def __init__(
@@ -60,6 +64,7 @@ class Run:
         )
         self._pool = EvaluatorPool(control, job, self._waiter.wake)
         self._team = Team(control, directory, self._pool)
+        self.watch = Watch(control, self._team.children, self._pool, directory.run_id)
         clients = LoopClients(control)
         self._critics = CriticSide(
             control,
@@ -71,7 +76,13 @@ class Run:
             lambda: self._team.children.pid("critic_trainer"),
         )
         self._loop = GenerationLoop(
-            directory.run_id, shape, clients, self._pool, self._critics, self._waiter
+            directory.run_id,
+            shape,
+            clients,
+            self._pool,
+            self._critics,
+            self._waiter,
+            directory.imported,
         )
         self._clients = clients
         self._info = control.create_client(GetInfo, names.GET_INFO)
@@ -126,7 +137,8 @@ class Run:
     def summary(self) -> str:
         """What happened on the way, in words."""
         return (
-            f"{self._team.children.restarts} restarts, {self._critics.reevaluations} re-evaluations"
+            f"{self._team.children.restarts} restarts, {self._critics.reevaluations} re-evaluations, "
+            f"{self.watch.refused} refused requests"
         )
 
     def _look(self) -> None:
@@ -138,6 +150,7 @@ class Run:
 
     def _heard(self, msg: NodeStatus) -> None:
         self._team.heard(msg)
+        self.watch.heard(msg)
         self._pool.heard(msg)
         self._progress.msg.evaluators = len(self._pool)
         self._waiter.wake()

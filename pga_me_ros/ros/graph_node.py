@@ -18,6 +18,7 @@ from rclpy.service import Service
 
 from pga_me_ros.core.errors import PgaError, RequestError
 from pga_me_ros.ros import names, qos
+from pga_me_ros.ros.diagnostics import Diagnostics
 from pga_me_ros.ros.refusals import CalmRefusals, printable
 from pga_me_ros.ros.shield import shield
 
@@ -41,6 +42,9 @@ class GraphNode(Node):
     Args:
         kind: The kind in its status.
         name: Default node name; empty takes the kind.
+
+    Attributes:
+        diagnostics: Its entry in /diagnostics.
     """
 
     def __init__(self, kind: str, name: str = "") -> None:
@@ -54,12 +58,14 @@ class GraphNode(Node):
             pid=os.getpid(),
         )
         self._status = self.create_publisher(NodeStatus, names.STATUS, qos.STATUS)
+        self.diagnostics = Diagnostics(self)
         self._ended = threading.Event()
         self._heart = threading.Thread(target=self._live, name="heartbeat", daemon=True)
 
     def start_heartbeat(self, *, run_id: str = "", task: str = "", versions: str = "") -> None:
         """Tell the graph that this node is ready: call it when all services are up."""
         self._beat.run_id, self._beat.task, self._beat.versions = run_id, task, versions
+        self.diagnostics.run_id = run_id
         self._heart.start()
 
     def count_done(self, n: int = 1) -> None:
@@ -92,6 +98,7 @@ class GraphNode(Node):
                 self.get_logger().error(traceback.format_exc())
                 reason = f"internal fault: {type(error).__name__}: {error}"
                 self._refuse(response, ok_field, name, reason)
+                self.diagnostics.fault(self._beat.last_error)
             return response
 
         return self.create_service(srv_type, name, callback)
@@ -119,6 +126,7 @@ class GraphNode(Node):
         """Note a refusal or a message that was dropped, in the log and in the status."""
         self._beat.refused += 1
         self._beat.last_error = printable(reason)
+        self.diagnostics.disturbance(self._beat.last_error)
         line = self._refusals.line(self._beat.last_error)
         if line is not None:
             self.get_logger().warning(line)
@@ -132,6 +140,7 @@ class GraphNode(Node):
         while not self._ended.is_set():
             try:
                 self._status.publish(self._beat)
+                self.diagnostics.publish(self._beat.done, self._beat.refused)
             except RCLError:
                 if self.context.ok():
                     raise

@@ -109,6 +109,14 @@ def test_a_run_whose_critics_were_damaged_ends_with_the_same_repertoire(
     assert graph.archive.digest() == undisturbed.archive.digest()
 
 
+def test_the_buffer_can_be_filled_for_a_repeated_training_while_a_generation_is_under_way(
+    tmp_path: Path,
+) -> None:
+    GraphInSmall(SMALL_BUFFER, tmp_path).grow(range(T + 1))  # the last one is not committed
+    flip(0.5)(tmp_path / NEWEST)
+    assert check(tmp_path, SMALL_BUFFER)
+
+
 @pytest.mark.parametrize("fault", FAULTS)
 def test_critics_that_cannot_be_made_again_are_told_and_nothing_is_changed(
     run: Path, fault: str

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 from graph import TINY
 
+from pga_me_ros.core.metrics import Metrics
 from pga_me_ros.core.search import Search
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.core.storage import Repertoire
@@ -19,17 +21,25 @@ NOT_SETTINGS = ("evaluators", "serve", "run_dir")
 
 def search_digest(**parameters: Any) -> str:
     """Return the digest of the archive that `core.search` ends with; `parameters` are added to `TINY`."""
-    merged = {**TINY, **parameters}
+    return _searched(_values(parameters))[0]
+
+
+def search_metrics(**parameters: Any) -> list[Metrics]:
+    """Return the metrics of every generation of such a search."""
+    return _searched(_values(parameters))[1]
+
+
+def _values(parameters: Mapping[str, Any]) -> tuple[tuple[str, Any], ...]:
     values = {
         name: tuple(value) if isinstance(value, list) else value
-        for name, value in merged.items()
+        for name, value in {**TINY, **parameters}.items()
         if name not in NOT_SETTINGS
     }
-    return _searched(tuple(sorted(values.items())))
+    return tuple(sorted(values.items()))
 
 
 @cache
-def _searched(values: tuple[tuple[str, Any], ...]) -> str:
+def _searched(values: tuple[tuple[str, Any], ...]) -> tuple[str, list[Metrics]]:
     settings = Settings.from_mapping(dict(values))
     task = load_task(settings.task)()
     search = Search(task.spec, settings)
@@ -38,7 +48,7 @@ def _searched(values: tuple[tuple[str, Any], ...]) -> str:
             search.run_generation(task)
     finally:
         task.close()
-    return search.archive.digest()
+    return search.archive.digest(), search.metrics
 
 
 def run_digest(run_dir: Path) -> str:

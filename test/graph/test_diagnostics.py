@@ -1,0 +1,115 @@
+"""Watching a run: /diagnostics of every node, logs and metrics.csv in the run directory, the last line."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from domain_coordinator import domain_id
+from graph import TINY, Graph, Probe, Started, wait_until
+from pga_me_msgs.srv import GetBehavior
+from processes import children
+
+from pga_me_ros.core.storage import Repertoire
+from pga_me_ros.ros import qos
+
+NODES = {"orchestrator", "archive_manager", "critic_trainer", "variation", "evaluator_0"}
+VALUES = {"rate (1/s)", "done", "queue", "refused", "last error", "memory RSS (MiB)", "host", "pid"}
+
+
+class Watched:
+    """A run that has finished and is served, and all that was heard in /diagnostics meanwhile."""
+
+    def __init__(self, folder: Path, graph: Graph, probe: Probe) -> None:
+        self.run_dir = folder / "run"
+        self.probe = probe
+        self.heard: list[DiagnosticArray] = probe.listen(
+            DiagnosticArray, "/diagnostics", qos.DIAGNOSTICS
+        )
+        self.run: Started = graph.run(self.run_dir, n_crit=200, serve=True)
+        self.run.wait_for_output("serving it")
+        with Repertoire.open(self.run_dir / "repertoire.db", read_only=True) as repertoire:
+            self.run_id = repertoire.info.run_id
+
+    def entries(self, name: str) -> list[DiagnosticStatus]:
+        """Return what was told about a node, the newest last."""
+        return [s for msg in list(self.heard) for s in msg.status if s.name == f"/{name}"]
+
+
+@pytest.fixture(scope="module")
+def watched(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Watched]:
+    folder = tmp_path_factory.mktemp("watched")
+    with domain_id() as domain, pytest.MonkeyPatch.context() as patch:
+        patch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+        graph, probe = Graph(domain, folder), Probe(domain)
+        try:
+            yield Watched(folder, graph, probe)
+        finally:
+            probe.close()
+            graph.kill()
+
+
+def values(status: DiagnosticStatus) -> dict[str, str]:
+    return {pair.key: pair.value for pair in status.values}
+
+
+@pytest.mark.parametrize("name", sorted(NODES))
+def test_every_node_tells_how_it_is(watched: Watched, name: str) -> None:
+    newest = watched.entries(name)[-1]
+    assert newest.level == DiagnosticStatus.OK, newest.message
+    assert newest.hardware_id == watched.run_id
+    assert values(newest).keys() >= VALUES
+    assert float(values(newest)["memory RSS (MiB)"]) > 10
+
+
+def test_the_orchestrator_tells_how_the_run_is(watched: Watched) -> None:
+    wait_until(
+        lambda: values(watched.entries("orchestrator")[-1])["state"] == "finished", "the end"
+    )
+    found = values(watched.entries("orchestrator")[-1])
+    assert (found["done"], found["restarts"], found["queue"]) == ("30", "0", "0")
+
+
+def test_a_refusal_shows_as_a_warning(watched: Watched) -> None:
+    watched.probe.call(GetBehavior, "repertoire/get_behavior", select=77)
+    wait_until(
+        lambda: watched.entries("archive_manager")[-1].level == DiagnosticStatus.WARN, "a warning"
+    )
+    newest = watched.entries("archive_manager")[-1]
+    assert "select is 77" in newest.message
+    assert (values(newest)["refused"], values(newest)["last error"]) == ("1", newest.message)
+
+
+def test_a_node_that_falls_silent_is_stale_until_it_is_heard_again(watched: Watched) -> None:
+    def stale() -> bool:
+        return watched.entries("archive_manager")[-1].level == DiagnosticStatus.STALE
+
+    pid = children(watched.run_dir)["archive_manager"]
+    os.kill(pid, signal.SIGSTOP)
+    try:
+        wait_until(stale, "a stale entry")
+        assert "no sign of life" in watched.entries("archive_manager")[-1].message
+    finally:
+        os.kill(pid, signal.SIGCONT)
+    wait_until(lambda: not stale(), "a sign of life")
+
+
+def test_every_child_has_a_log_in_the_run_directory(watched: Watched) -> None:
+    logs = {path.stem for path in (watched.run_dir / "logs").iterdir()}
+    assert logs >= NODES - {"orchestrator"}
+
+
+def test_the_table_of_metrics_grows_with_the_run(watched: Watched) -> None:
+    rows = (watched.run_dir / "metrics.csv").read_text().splitlines()
+    assert [row.partition(",")[0] for row in rows] == ["generation", "0", "1", "2"]
+
+
+def test_the_last_line_sums_up(watched: Watched) -> None:
+    line = next(line for line in watched.run.output.splitlines() if line.startswith("finished: "))
+    assert re.search(r"\(0 restarts, \d+ re-evaluations, 0 refused requests\)", line), line
+    assert TINY["evaluations"] == 30
