@@ -25,6 +25,9 @@ from pga_me_ros.ros.refusals import printable
 SINGLETONS = ("archive_manager", "critic_trainer", "variation")
 """Nodes of which a run has one each; their kind is their name."""
 
+SILENCE = 10.0
+"""Seconds without a sign of life after which a living child is told of: it may be stopped, and the run waits for it."""
+
 
 class Team:
     """Starts the nodes of a run and keeps them alive.
@@ -49,6 +52,8 @@ class Team:
         self._parameters = directory.path / "parameters"
         self._parameters.mkdir(exist_ok=True)
         self._alive: set[tuple[str, int]] = set()
+        self._seen: dict[str, float] = {}
+        self._silent: set[str] = set()
         self._foreign = ""
         self._since = time.monotonic()
         self.arrivals = 0
@@ -93,6 +98,8 @@ class Team:
             if ours and (name, msg.pid) not in self._alive:
                 self._alive.add((name, msg.pid))
                 self.arrivals += 1
+            if ours:
+                self._seen[name] = time.monotonic()
             if msg.done:
                 self.children.working(name, msg.pid)
         elif msg.kind in SINGLETONS or name in self.children.names():
@@ -115,7 +122,7 @@ class Team:
         return time.monotonic() - self._since >= listening_time(self._node, *SINGLETONS)
 
     def tick(self) -> None:
-        """Restart what has died.
+        """Restart what has died, and tell of what has fallen silent.
 
         Raises:
             ChildError: A child cannot be started, or dies again and again.
@@ -123,6 +130,25 @@ class Team:
         for name in self.children.revive():
             self._node.get_logger().warning(f"{name} died; it was started again")
             self._pool.died(self._prefix + name)
+            self._seen.pop(name, None)
+        self._tell_of_silence()
+
+    def _tell_of_silence(self) -> None:
+        """Say which of the nodes that the run cannot do without are silent, and when they are back."""
+        now = time.monotonic()
+        silent = {
+            name
+            for name in self.children.names()
+            if name in SINGLETONS and now - self._seen.get(name, now) > SILENCE
+        }
+        for name in sorted(silent - self._silent):
+            self._node.get_logger().warning(
+                f"{name} (process {self.children.pid(name)}) has been silent for {SILENCE:.0f} s and the run waits for "
+                "it: if it is stopped, let it go on (SIGCONT); if it hangs, kill it, and it is started again"
+            )
+        for name in sorted(self._silent - silent):
+            self._node.get_logger().info(f"{name} is back")
+        self._silent = silent
 
     def _start(self, kind: str, name: str, values: dict[str, Any]) -> None:
         path = self._parameters / f"{kind}.yaml"

@@ -1,29 +1,18 @@
-"""Whatever is killed, the run ends with the repertoire of an undisturbed one."""
+"""A run that was killed or finished is continued by the same command; test_chaos.py kills all else."""
 
 from __future__ import annotations
 
 from pathlib import Path
 from typing import Any
 
-import pytest
 from graph import Graph
-from processes import children, kill_child, kill_orchestrator, wait_for_no_children
+from processes import children, kill_orchestrator, wait_for_no_children
 from reference import run_digest, search_digest
 
 LONG: dict[str, Any] = {"evaluations": 80, "n_crit": 100}
 """Enough generations of variation to be in the middle of one when something is killed."""
 
 KINDS = ("evaluator_0", "critic_trainer", "variation", "archive_manager")
-
-
-@pytest.mark.parametrize("name", KINDS)
-def test_a_killed_child_changes_nothing(graph: Graph, tmp_path: Path, name: str) -> None:
-    run_dir = tmp_path / "run"
-    run = graph.run(run_dir, **LONG)
-    run.wait_for_output("generation 3/")
-    kill_child(run_dir, name)
-    assert run.wait() == 0, run.output
-    assert run_digest(run_dir) == search_digest(**LONG)
 
 
 def test_a_killed_orchestrator_leaves_no_orphan_and_the_same_command_resumes(
