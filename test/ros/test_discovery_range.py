@@ -1,0 +1,159 @@
+"""How far nodes are heard: on one machine they keep to it, unless told otherwise; and no pretended security."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+import rclpy
+from domain_coordinator import domain_id
+from rclpy.context import Context
+
+from pga_me_ros.core.errors import SettingsError
+from pga_me_ros.ros.environment import (
+    DISCOVERY_RANGE,
+    LOCALHOST_ONLY,
+    SECURITY,
+    has_dds_security,
+    is_local,
+    prepare_environment,
+)
+
+DEADLINE = 60.0
+
+
+def wait_until(true: Callable[[], bool], what: str) -> None:
+    deadline, pause = time.monotonic() + DEADLINE, threading.Event()
+    while not true():
+        assert time.monotonic() < deadline, f"waited {DEADLINE} s for: {what}"
+        pause.wait(0.05)
+
+
+@contextmanager
+def node_of_ours(domain: int, log: Path, **variables: str) -> Iterator[subprocess.Popen[bytes]]:
+    """Start an evaluator in an environment that says nothing of the range but what is given."""
+    env = {k: v for k, v in os.environ.items() if k not in (DISCOVERY_RANGE, LOCALHOST_ONLY)}
+    env |= {"ROS_DOMAIN_ID": str(domain), **variables}
+    with log.open("wb") as output:
+        process = subprocess.Popen(
+            [sys.executable, "-m", "pga_me_ros.nodes.evaluator"],
+            env=env,
+            stdin=subprocess.DEVNULL,
+            stdout=output,
+            stderr=subprocess.STDOUT,
+        )
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.wait()
+
+
+@contextmanager
+def node_of_a_user(domain: int, monkeypatch: pytest.MonkeyPatch) -> Iterator[rclpy.node.Node]:
+    """Make a plain node in this process, as ROS 2 makes it without being told a range: heard in the subnet."""
+    monkeypatch.delenv(DISCOVERY_RANGE, raising=False)
+    context = Context()
+    rclpy.init(context=context, domain_id=domain)
+    node = rclpy.create_node("user", context=context)
+    try:
+        yield node
+    finally:
+        node.destroy_node()
+        context.shutdown()
+
+
+def udp_ports(pid: int) -> set[int]:
+    """Return the UDP ports that a process listens on, as the kernel knows them."""
+    links = [os.readlink(fd) for fd in Path(f"/proc/{pid}/fd").iterdir() if fd.is_symlink()]
+    inodes = {link[8:-1] for link in links if link.startswith("socket:[")}
+    rows = [row.split() for row in Path(f"/proc/{pid}/net/udp").read_text().splitlines()[1:]]
+    return {int(row[1].split(":")[1], 16) for row in rows if row[9] in inodes}
+
+
+@pytest.mark.parametrize(
+    ("variables", "hears_subnet"), [({}, False), ({DISCOVERY_RANGE: "SUBNET"}, True)]
+)
+def test_a_node_listens_to_the_subnet_only_if_told_to_and_is_found_by_plain_nodes_anyway(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    variables: dict[str, str],
+    hears_subnet: bool,
+) -> None:
+    with (
+        domain_id() as domain,
+        node_of_ours(domain, tmp_path / "log", **variables) as process,
+        node_of_a_user(domain, monkeypatch) as user,
+    ):
+        wait_until(
+            lambda: any(
+                name.endswith("/evaluate") for name, _ in user.get_service_names_and_types()
+            ),
+            f"the evaluator: {(tmp_path / 'log').read_text()}",
+        )
+        # What DDS calls the metatraffic multicast port: multicast is how other machines are heard.
+        multicast = 7400 + 250 * domain
+        assert multicast in udp_ports(os.getpid())
+        assert (multicast in udp_ports(process.pid)) == hears_subnet
+
+
+@pytest.mark.parametrize(
+    ("given", "expected"),
+    [
+        ({}, {DISCOVERY_RANGE: "LOCALHOST"}),
+        ({DISCOVERY_RANGE: "SUBNET"}, {DISCOVERY_RANGE: "SUBNET"}),
+        ({DISCOVERY_RANGE: "SYSTEM_DEFAULT"}, {DISCOVERY_RANGE: "SYSTEM_DEFAULT"}),
+        ({LOCALHOST_ONLY: "0"}, {LOCALHOST_ONLY: "0"}),
+    ],
+)
+def test_what_the_user_says_of_the_range_counts(
+    given: dict[str, str], expected: dict[str, str]
+) -> None:
+    prepare_environment(given)
+    assert given == expected
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "local"),
+    [
+        (DISCOVERY_RANGE, "LOCALHOST", True),
+        (DISCOVERY_RANGE, "OFF", True),
+        (DISCOVERY_RANGE, "SUBNET", False),
+        (LOCALHOST_ONLY, "1", True),
+    ],
+)
+def test_whether_other_machines_are_out_of_reach(
+    monkeypatch: pytest.MonkeyPatch, name: str, value: str, local: bool
+) -> None:
+    monkeypatch.delenv(DISCOVERY_RANGE, raising=False)
+    monkeypatch.setenv(name, value)
+    assert is_local() is local
+
+
+@pytest.mark.skipif(has_dds_security(), reason="this ROS 2 is no wheel: its DDS may have security")
+def test_no_node_starts_under_a_security_that_there_is_none_of() -> None:
+    # The default strategy, Permissive, would let it run unprotected and hardly say so.
+    ended = subprocess.run(
+        [sys.executable, "-m", "pga_me_ros.nodes.archive_manager"],
+        env={**os.environ, SECURITY: "true"},
+        capture_output=True,
+        text=True,
+        timeout=DEADLINE,
+    )
+    assert ended.returncode == 2
+    (line,) = ended.stderr.splitlines()
+    assert line.startswith(f"error: {SECURITY} is true, but ROS 2 comes from wheels here")
+
+
+@pytest.mark.skipif(has_dds_security(), reason="this ROS 2 is no wheel: its DDS may have security")
+def test_security_that_is_off_is_no_reason_to_refuse() -> None:
+    prepare_environment({SECURITY: "false"})
+    with pytest.raises(SettingsError, match="no DDS security"):
+        prepare_environment({SECURITY: "true"})
