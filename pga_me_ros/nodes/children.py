@@ -133,8 +133,16 @@ class Children:
         safe_path = ["-P"] if sys.flags.safe_path else []
         arguments = [sys.executable, *safe_path, "-m", f"pga_me_ros.nodes.{kind}", "--ros-args"]
         arguments += ["-r", f"__node:={name}", "--params-file", str(parameters)]
-        log_path = self._logs / f"{name}.log"
-        child = Child(name, arguments + self._ros_arguments, log_path, (self._lock,))
+        return self.run(name, arguments + self._ros_arguments)
+
+    def run(self, name: str, command: list[str]) -> Child:
+        """Start a command that ends when its standard input closes.
+
+        Args:
+            name: Node name.
+            command: Program and arguments.
+        """
+        child = Child(name, command, self._logs / f"{name}.log", (self._lock,))
         self._children[name] = child
         self._start(child)
         return child
