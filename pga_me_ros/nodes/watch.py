@@ -47,9 +47,11 @@ class Watch:
 
     def heard(self, msg: NodeStatus) -> None:
         """Take a node's sign of life."""
-        if msg.pid in self._children.pids and msg.host == self._host:
+        name = msg.node.removeprefix(self._prefix)
+        ours = msg.pid in self._children.pids and msg.host == self._host
+        if ours and name in self._children.names():  # anybody can send one with any name
             self._refused[msg.pid] = msg.refused
-            self._heard[msg.node.removeprefix(self._prefix)] = time.monotonic()
+            self._heard[name] = time.monotonic()
 
     def failed(self, reason: str) -> None:
         """Note why the run cannot go on."""
