@@ -16,8 +16,15 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 NOT_COPIED = (".git", ".venv", "build", "install", "log", "runs", "__pycache__", "*.egg-info")
-NODES = ["archive_manager", "critic_trainer", "evaluator", "orchestrator", "variation"]
-PROGRAMS = ["export", "reevaluate", "report"]
+NODES = [
+    "archive_manager",
+    "behavior_player",
+    "critic_trainer",
+    "evaluator",
+    "orchestrator",
+    "variation",
+]
+PROGRAMS = ["export", "reevaluate", "render", "report"]
 
 TINY_RUN = {
     "evaluations": "24",
