@@ -23,6 +23,7 @@ class Operator(IntEnum):
     GA = 1
     PG = 2
     GREEDY = 3
+    IMPORTED = 4
 
 
 class Status(IntEnum):

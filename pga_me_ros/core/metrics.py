@@ -14,7 +14,8 @@ from pga_me_ros.core.elites import Operator, Solutions, Status
 class Metrics:
     """State of the archive after a generation, and what the generation added.
 
-    Counts per operator are in the order of `Operator`: random, ga, pg, greedy.
+    Counts per operator are in the order of `Operator`: random, ga, pg, greedy, imported; those of a file that is older
+    than an operator are filled up with zeros.
 
     Attributes:
         generation: Number of the generation, from 0.
@@ -43,6 +44,13 @@ class Metrics:
     offspring: tuple[int, ...]
     new_elites: tuple[int, ...]
     improved_elites: tuple[int, ...]
+
+    def __post_init__(self) -> None:
+        """Give every operator its count."""
+        for name in ("offspring", "new_elites", "improved_elites"):
+            counts = getattr(self, name)
+            filled_up = (*counts, *(0,) * (len(Operator) - len(counts)))
+            object.__setattr__(self, name, filled_up)
 
 
 def generation_metrics(

@@ -16,9 +16,9 @@ from pga_me_ros.core.metrics_file import METRICS_FILE, MetricsFile
 from pga_me_ros.core.policy import controller_shape
 from pga_me_ros.core.run_info import RunInfo, library_versions
 from pga_me_ros.core.settings import RATES, Settings
+from pga_me_ros.core.start_from import Controllers, starting_with, take_controllers
 from pga_me_ros.core.storage import Repertoire
 from pga_me_ros.core.stored_state import require_sound_state
-from pga_me_ros.core.start_from import Controllers, starting_with, take_controllers
 from pga_me_ros.tasks.spec import TaskSpec
 
 REPERTOIRE = "repertoire.db"

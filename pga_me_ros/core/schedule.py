@@ -32,22 +32,25 @@ class Slots:
     count: int
 
 
-def batch_plan(settings: Settings, generation: int) -> list[Slots]:
+def batch_plan(settings: Settings, generation: int, imported: int = 0) -> list[Slots]:
     """Return which operator fills which places of a generation's batch (Alg. 3 lines 9-13, Alg. 5).
 
-    Random controllers in the first ceil(G / b) generations; afterwards the greedy controller, then GA, then PG
-    offspring. With n_evo = b there are no gradients and so no greedy controller: standard MAP-Elites.
+    Imported and then random controllers in the first ceil(G / b) generations; afterwards the greedy controller, then
+    GA, then PG offspring. With n_evo = b there are no gradients and so no greedy controller: standard MAP-Elites.
 
     Args:
         settings: Settings with the rates in force.
         generation: Number of the generation, from 0.
+        imported: Controllers that the run starts with in place of random ones, at most `random_init`.
 
     Returns:
         Slots that cover the places 0..b-1 in order, none of them empty.
     """
     b = settings.batch_size
     if generation < settings.init_generations:
-        return [Slots(Operator.RANDOM, 0, b)]
+        n = min(max(imported - generation * b, 0), b)
+        plan = [Slots(Operator.IMPORTED, 0, n), Slots(Operator.RANDOM, n, b - n)]
+        return [slots for slots in plan if slots.count]
     if not uses_critics(settings):
         return [Slots(Operator.GA, 0, b)]
     taken = 1 if settings.greedy_takes == "ga" else 0

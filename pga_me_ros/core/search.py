@@ -31,6 +31,7 @@ from pga_me_ros.core.schedule import (
 )
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.core.snapshot import Snapshot
+from pga_me_ros.core.start_from import Controllers, starting_with
 from pga_me_ros.tasks.protocol import Task
 from pga_me_ros.tasks.rollout import Episode, rollout
 from pga_me_ros.tasks.spec import TaskSpec
@@ -61,6 +62,8 @@ class Search:
     Args:
         spec: Task.
         settings: Settings of the run.
+        imported: (n, P) float32 controllers to start with in place of random ones (`start_from.read_controllers`), None
+            for none.
 
     Attributes:
         settings: Settings with the rates in force; may be replaced between generations to change rates.
@@ -69,9 +72,14 @@ class Search:
         metrics: Metrics after each generation.
     """
 
-    def __init__(self, spec: TaskSpec, settings: Settings) -> None:
+    def __init__(
+        self, spec: TaskSpec, settings: Settings, imported: Controllers | None = None
+    ) -> None:
+        if imported is not None:
+            settings = starting_with(settings, imported)
         self.spec = spec
         self.settings = settings
+        self._imported = imported
         self.shape = controller_shape(spec, settings)
         self.archive: Archive = make_archive(spec, settings)
         self.learner = Learner(spec, settings)
@@ -95,7 +103,7 @@ class Search:
         operators = np.empty(b, np.int64)
         parents = np.full((b, 2), NO_PARENT, np.int64)
         parameters = np.empty((b, self.shape.parameter_count), np.float32)
-        for slots in batch_plan(self.settings, t):
+        for slots in batch_plan(self.settings, t, self._imported_count):
             places = slice(slots.first, slots.first + slots.count)
             operators[places] = slots.operator
             parents[places], parameters[places] = self._variation(slots)
@@ -150,6 +158,10 @@ class Search:
         ]
         return self.tell(batch, episodes)
 
+    @property
+    def _imported_count(self) -> int:
+        return 0 if self._imported is None else len(self._imported)
+
     def _trained_for(self, generation: int) -> bool:
         return self._snapshot is not None and self._snapshot.generation == generation
 
@@ -163,6 +175,9 @@ class Search:
         """Make the offspring of one operator (Alg. 5); returns evaluation ids of parents, and parameters."""
         s, t, first, n = self.settings, self.generation, slots.first, slots.count
         nobody = np.full((n, 2), NO_PARENT, np.int64)
+        if slots.operator == Operator.IMPORTED:
+            assert self._imported is not None
+            return nobody, self._imported[evaluation_ids(s, t)[first : first + n]]
         if slots.operator == Operator.RANDOM:
             return nobody, random_controllers(s, self.shape, t, first, n)
         if slots.operator == Operator.GA:

@@ -44,6 +44,10 @@ class Settings:
         unit="controllers",
         symbol="G",
     )
+    start_from: str = setting(
+        "",
+        "Run or exported .npz file whose controllers are evaluated first, in place of random ones; empty for none.",
+    )
     batch_size: int = setting(
         100,
         "Controllers evaluated per generation.",

@@ -34,7 +34,7 @@ CREATE TABLE elites (
     fitness REAL NOT NULL,        -- sum of rewards
     evaluation INTEGER NOT NULL,  -- id of its evaluation, counted from 0
     generation INTEGER NOT NULL,  -- generation that evaluated it
-    operator INTEGER NOT NULL,    -- 0 random, 1 ga, 2 pg, 3 greedy
+    operator INTEGER NOT NULL,    -- 0 random, 1 ga, 2 pg, 3 greedy, 4 imported
     parent1 INTEGER NOT NULL,     -- evaluation id of a parent, -1 for none
     parent2 INTEGER NOT NULL,
     steps INTEGER NOT NULL,       -- control steps of its episode
@@ -53,7 +53,7 @@ CREATE TABLE generations (
     mean_fitness REAL NOT NULL,
     steps INTEGER NOT NULL,         -- control steps of this generation
     total_steps INTEGER NOT NULL,   -- control steps so far
-    offspring TEXT NOT NULL,        -- JSON: evaluated, by operator: random, ga, pg, greedy
+    offspring TEXT NOT NULL,        -- JSON: evaluated, by operator: random, ga, pg, greedy, imported
     new_elites TEXT NOT NULL,       -- JSON: cells filled, by operator
     improved_elites TEXT NOT NULL,  -- JSON: elites replaced, by operator
     rates TEXT NOT NULL,            -- JSON: settings that may change during a run, as in force

@@ -75,6 +75,7 @@ class GenerationLoop:
         pool: Evaluators.
         critics: The critic trainer's side.
         waiter: How to wait.
+        imported: (n, P) float32 controllers that the run starts with in place of random ones.
     """
 
     def __init__(
@@ -85,6 +86,7 @@ class GenerationLoop:
         pool: EvaluatorPool,
         critics: CriticSide,
         waiter: Waiter,
+        imported: NDArray[np.float32],
     ) -> None:
         self._run_id = run_id
         self._shape = shape
@@ -92,6 +94,7 @@ class GenerationLoop:
         self._pool = pool
         self._critics = critics
         self._waiter = waiter
+        self._imported = imported
 
     def run(self, settings: Settings, before: Settings, t: int) -> Metrics:
         """Make, evaluate and add generation t; meanwhile train for the next.
@@ -112,7 +115,7 @@ class GenerationLoop:
         meanwhile = training_meanwhile(settings, t)
         if meanwhile:
             self._critics.start(meanwhile)
-        for slots in batch_plan(settings, t):
+        for slots in batch_plan(settings, t, len(self._imported)):
             self._fill(settings, t, batch, slots, trained)
         self._wait_for_results(batch)
         if meanwhile:
@@ -136,6 +139,8 @@ class GenerationLoop:
             batch.operators[places] = slots.operator
             if slots.operator == Operator.GREEDY:
                 batch.parameters[places] = self._critics.greedy(t)
+            elif slots.operator == Operator.IMPORTED:
+                batch.parameters[places] = self._imported[batch.ids[places]]
             else:
                 each = PARENTS[slots.operator]
                 ids, parents = self._sample(t, first, n, each)

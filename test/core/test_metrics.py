@@ -42,9 +42,9 @@ def two_generations() -> list[Metrics]:
         ("mean_fitness", 3.5, 6.25),
         ("steps", 100, 101),
         ("total_steps", 100, 201),
-        ("offspring", (0, 1, 2, 1), (0, 1, 2, 1)),
-        ("new_elites", (0, 1, 0, 1), (0, 0, 2, 0)),
-        ("improved_elites", (0, 0, 1, 0), (0, 0, 0, 1)),
+        ("offspring", (0, 1, 2, 1, 0), (0, 1, 2, 1, 0)),
+        ("new_elites", (0, 1, 0, 1, 0), (0, 0, 2, 0, 0)),
+        ("improved_elites", (0, 0, 1, 0, 0), (0, 0, 0, 1, 0)),
     ],
 )
 def test_metrics_are_those_counted_by_hand(

@@ -59,7 +59,7 @@ def test_gradients_find_what_genetic_variation_alone_does_not(whole):
 def test_without_gradients_no_critic_is_trained():
     search = grown(BRIEF.replace(n_evo=BRIEF.batch_size))
     assert search.learner.version == 0
-    assert search.metrics[-1].offspring == (0, 10, 0, 0)
+    assert search.metrics[-1].offspring == (0, 10, 0, 0, 0)
 
 
 def test_critics_train_for_every_generation_of_offspring(whole):
@@ -69,7 +69,7 @@ def test_critics_train_for_every_generation_of_offspring(whole):
 
 def test_metrics_count_what_was_evaluated(whole):
     assert [m.evaluations for m in whole.metrics] == list(range(10, 161, 10))
-    assert [m.offspring for m in whole.metrics[:3]] == [(10, 0, 0, 0)] * 2 + [(0, 5, 4, 1)]
+    assert [m.offspring for m in whole.metrics[:3]] == [(10, 0, 0, 0, 0)] * 2 + [(0, 5, 4, 1, 0)]
 
 
 def test_parents_are_elites_that_were_there_before(whole):

@@ -15,7 +15,7 @@ def test_a_run_ends_with_a_repertoire_of_its_budget(graph: Graph, tmp_path: Path
     with Repertoire.open(tmp_path / "run" / "repertoire.db", read_only=True) as repertoire:
         metrics = repertoire.metrics()
     assert [m.evaluations for m in metrics] == [10, 20, 30]
-    assert metrics[-1].offspring == (0, 5, 4, 1)
+    assert metrics[-1].offspring == (0, 5, 4, 1, 0)
 
 
 def test_a_renamed_service_is_renamed_for_all_nodes(graph: Graph, tmp_path: Path) -> None:

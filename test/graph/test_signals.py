@@ -153,7 +153,7 @@ def test_a_rate_takes_effect_at_the_next_generation_and_is_recorded(
     with Repertoire.open(tmp_path / "run" / "repertoire.db", read_only=True) as repertoire:
         rates, metrics = repertoire.rates(), repertoire.metrics()
     assert [(r["n_evo"], r["iso_sigma"]) for r in rates[at : at + 2]] == [(5, 0.005), (7, 0.5)]
-    assert [m.offspring for m in metrics[at : at + 2]] == [(0, 5, 4, 1), (0, 7, 2, 1)]
+    assert [m.offspring for m in metrics[at : at + 2]] == [(0, 5, 4, 1, 0), (0, 7, 2, 1, 0)]
 
 
 def test_parameters_of_a_resumed_run_show_the_rates_in_force(

@@ -57,7 +57,7 @@ def test_a_repertoire_grows_for_it(cart):
     )
     search, task = Search(cart.spec, settings), cart()
     metrics = [search.run_generation(task) for _ in range(6)]
-    assert metrics[-1].offspring == (0, 10, 9, 1)
+    assert metrics[-1].offspring == (0, 10, 9, 1, 0)
     assert metrics[-1].coverage > metrics[1].coverage > 0
     assert metrics[-1].max_fitness > metrics[1].max_fitness
 
