@@ -152,7 +152,7 @@ def test_a_trainer_that_joins_late_gets_what_it_missed(
     heard = probe.listen(Progress, names.PROGRESS, qos.LATCHED)
     episodes = probe.listen(Transitions, names.TRANSITIONS, qos.EXPERIENCE_READER)
     # Long enough that the run is still under way when the trainer is killed in its second generation.
-    run_dir, parameters = tmp_path / "run", {"evaluations": 300, "batch_size": 20}
+    run_dir, parameters = tmp_path / "run", {"evaluations": 160, "batch_size": 20}
     run = graph.run(run_dir, **parameters)
 
     def published(generation: int) -> set[int]:
