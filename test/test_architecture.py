@@ -19,7 +19,9 @@ MAY_IMPORT = {
     "tasks": {"core", "tasks"},
     "ros": {"core", "tasks", "ros"},
     "report": {"core", "tasks", "report"},
-    "nodes": {"core", "tasks", "ros", "nodes", "client"},
+    "player": {"core", "tasks", "player", "client"},
+    "render": {"core", "tasks", "player", "render"},
+    "nodes": {"core", "tasks", "ros", "nodes", "client", "player"},
 }
 ONLY_DATA_OF_TASKS = {"protocol", "rollout", "spec"}
 """What core may know of tasks: what a task is and what an episode is, not which there are."""
