@@ -50,7 +50,7 @@ WITHIN = 1.5
 """Seconds after the end of a generation within which something is killed: some generations' worth."""
 
 START = 12.0
-"""Seconds from the start of a resumed run within which it is killed if it is to die while it starts."""
+"""Seconds from the start of a run within which it is killed if it is to die while it starts."""
 
 PER_STOP = 8
 """Generations per stop on average: many while an evaluator is stopped and the other goes on, few otherwise."""
@@ -130,7 +130,7 @@ def kill_everything(run: ChaosRun, rng: np.random.Generator, deeds: int, record:
     run.start()
     for i in range(deeds):
         done = run.generations
-        starting = i % 3 == 2
+        starting = i % 3 == 0  # the first time while it makes its folder, or little later
         if not starting:
             run.wait_for_generation(max(INIT_GENERATIONS, done + 1))
         time.sleep(rng.uniform(0.0, START if starting else WITHIN))
