@@ -33,7 +33,7 @@ class CriticTrainerNode(GraphNode):
 
     def __init__(self) -> None:
         super().__init__("critic_trainer")
-        self._settings, options = declare_run(self, ChildOptions)
+        self._settings, options = declare_run(self, ChildOptions, fixed=True)
         self._run_id = options["run_id"]
         self._spec = task_spec(self._settings.task)
         run_dir = Path(options["run_dir"])

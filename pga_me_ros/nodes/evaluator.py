@@ -20,14 +20,15 @@ from pga_me_msgs.srv import Evaluate
 from rclpy.executors import ExternalShutdownException
 
 from pga_me_ros.core.errors import PgaError, RequestError
-from pga_me_ros.core.policy import Controller, MlpShape
+from pga_me_ros.core.policy import Controller
 from pga_me_ros.core.schedule import evaluation_rng
 from pga_me_ros.core.setting_field import setting
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.nodes.options import RunOptions
 from pga_me_ros.ros import names, qos
 from pga_me_ros.ros.command_line import Program
-from pga_me_ros.ros.convert import episode_to_msg, finite, flat, shaped
+from pga_me_ros.ros.convert import episode_to_msg, finite, flat, layers_from_msg, shaped
+from pga_me_ros.ros.environment import LOCAL_NOTE, is_local
 from pga_me_ros.ros.graph_node import GraphNode, own_name
 from pga_me_ros.ros.namesakes import listening_time
 from pga_me_ros.ros.parameters import declare
@@ -67,6 +68,8 @@ class Evaluator(GraphNode):
         self.serve(Evaluate, names.EVALUATE, self._evaluate)
         libraries = ", ".join(f"{name} {version(name)}" for name in ("pybullet", "numpy"))
         self.start_heartbeat(task=self._task_name, versions=libraries)
+        if is_local() and os.environ.get(PARENT_WATCH) != "1":
+            self.get_logger().info(LOCAL_NOTE)
 
     def _evaluate(self, request: Evaluate.Request, response: Evaluate.Response) -> None:
         controllers = self._controllers(request)
@@ -154,7 +157,7 @@ class Evaluator(GraphNode):
             raise RequestError(
                 "Give at least one evaluation id; ids, seed and generation must be at least 0."
             )
-        shape = MlpShape(tuple(int(n) for n in request.layer_sizes))
+        shape = layers_from_msg(request.layer_sizes, "layer_sizes")
         if (shape.sizes[0], shape.sizes[-1]) != (self._spec.observation_dim, self._spec.action_dim):
             raise RequestError(
                 f"Controllers with layers {shape.sizes} do not fit task '{self._spec.name}', which has "

@@ -22,6 +22,7 @@ from pga_me_ros.nodes.progress import ProgressReporter
 from pga_me_ros.nodes.team import Team
 from pga_me_ros.nodes.watch import Watch
 from pga_me_ros.ros import names, qos
+from pga_me_ros.ros.environment import LOCAL_NOTE, is_local
 from pga_me_ros.tasks.spec import TaskSpec
 
 
@@ -161,7 +162,10 @@ class Run:
     def _wait_for_evaluators(self) -> None:
         wanted = self._options.min_evaluators
         if not self._waiter.until(self._enough, PATIENCE) and len(self._pool) < wanted:
-            self._progress.say(f"waiting for evaluators: {len(self._pool)} of {wanted} are here")
+            local = f"; {LOCAL_NOTE}" if is_local() else ""
+            self._progress.say(
+                f"waiting for evaluators: {len(self._pool)} of {wanted} are here{local}"
+            )
         self._waiter.until(self._enough)
 
     def _wait_while_paused(self) -> None:

@@ -35,7 +35,7 @@ class Variation(GraphNode):
 
     def __init__(self) -> None:
         super().__init__("variation")
-        self._settings, options = declare_run(self, ChildOptions)
+        self._settings, options = declare_run(self, ChildOptions, fixed=True)
         self._run_id = options["run_id"]
         self._spec = task_spec(self._settings.task)
         self._shape = controller_shape(self._spec, self._settings)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import array
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -29,6 +30,9 @@ from pga_me_ros.core.settings import RATES, Settings
 from pga_me_ros.core.snapshot import Snapshot
 from pga_me_ros.tasks.protocol import TaskSpec
 from pga_me_ros.tasks.rollout import Episode
+
+MOST_LAYERS = 100
+"""Layers of a network in a message; a list of millions would be turned into Python numbers before it is refused."""
 
 PURE_NUMBER = "1"
 """Unit of what has none, in messages; a task's spec leaves it empty."""
@@ -58,6 +62,17 @@ def shaped(data: Any, shape: tuple[int, ...], dtype: Any, name: str) -> NDArray[
         )
     values: NDArray[Any] = np.asarray(data, dtype=dtype)
     return values.reshape(shape)
+
+
+def layers_from_msg(sizes: Sequence[int], name: str) -> MlpShape:
+    """Return the layers of a network from a message's field.
+
+    Raises:
+        RequestError: They are more than any network here has.
+    """
+    if len(sizes) > MOST_LAYERS:
+        raise RequestError(f"Field '{name}' has {len(sizes)} entries; expected one per layer.")
+    return MlpShape(tuple(int(n) for n in sizes))
 
 
 def finite(values: Any, name: str) -> Any:
@@ -159,8 +174,8 @@ def snapshot_from_msg(msg: CriticSnapshot) -> Snapshot:
         RequestError: Its dimensions do not fit its arrays, or a number is not finite.
         NetworkError: Its parameters do not fit its layers.
     """
-    critic_shape = MlpShape(tuple(int(n) for n in msg.critic_sizes))
-    greedy_shape = MlpShape(tuple(int(n) for n in msg.greedy_sizes))
+    critic_shape = layers_from_msg(msg.critic_sizes, "critic_sizes")
+    greedy_shape = layers_from_msg(msg.greedy_sizes, "greedy_sizes")
     states_shape = (msg.n_batches, msg.n_grad, msg.batch_size, msg.observation_dim)
     snapshot = Snapshot(
         generation=msg.generation,

@@ -15,6 +15,11 @@ SECURITY = "ROS_SECURITY_ENABLE"
 WHEEL = "ros-rmw-fastrtps-cpp"
 """Distribution of the middleware where ROS 2 comes as wheels, whose Fast DDS is built without DDS security."""
 
+LOCAL_NOTE = (
+    f"nodes are found on this machine only; for others, export {DISCOVERY_RANGE}=SUBNET on each"
+)
+"""What to say where somebody may wait for nodes of other machines."""
+
 
 def prepare_environment(environment: MutableMapping[str, str] | None = None) -> None:
     """Keep ROS 2 to this machine unless the user says otherwise, and refuse a security that there is none of.

@@ -23,7 +23,9 @@ ROS_OWN = ("use_sim_time", "start_type_description_service")
 """Parameters that rclpy declares by itself."""
 
 
-def declare(node: Node, *kinds: type, shared: tuple[type, ...] = ()) -> dict[str, Any]:
+def declare(
+    node: Node, *kinds: type, shared: tuple[type, ...] = (), fixed: bool = False
+) -> dict[str, Any]:
     """Declare the fields of settings dataclasses as parameters and return their values.
 
     The node must have been made with ``automatically_declare_parameters_from_overrides=True``, so that every value
@@ -33,6 +35,7 @@ def declare(node: Node, *kinds: type, shared: tuple[type, ...] = ()) -> dict[str
         node: Node to declare on.
         kinds: Dataclasses whose fields were made by `pga_me_ros.core.setting_field.setting`.
         shared: Dataclasses with parameters of other nodes: passed over, so that one YAML file serves all.
+        fixed: Whether rates are read-only, too, as where they come with each request.
 
     Returns:
         Checked values by name.
@@ -54,12 +57,16 @@ def declare(node: Node, *kinds: type, shared: tuple[type, ...] = ()) -> dict[str
     for name, f in known.items():
         values[name] = checked_value(f, given.get(name, f.default))
         value = list(values[name]) if isinstance(values[name], tuple) else values[name]
-        node.declare_parameter(name, value, descriptor(f), ignore_override=True)
+        described = descriptor(f)
+        described.read_only |= fixed
+        node.declare_parameter(name, value, described, ignore_override=True)
     return values
 
 
-def declare_run(node: Node, options: type) -> tuple[Settings, dict[str, Any]]:
-    """Declare the settings of a run and a node's own options.
+def declare_run(
+    node: Node, options: type, *, fixed: bool = False
+) -> tuple[Settings, dict[str, Any]]:
+    """Declare the settings of a run and a node's own options; `fixed` as in `declare`.
 
     Returns:
         The settings, and the options by name.
@@ -67,7 +74,7 @@ def declare_run(node: Node, options: type) -> tuple[Settings, dict[str, Any]]:
     Raises:
         SettingsError: As in `declare`, or the settings do not fit each other.
     """
-    values = declare(node, Settings, options)
+    values = declare(node, Settings, options, fixed=fixed)
     names = {f.name for f in fields(Settings)}
     settings = Settings.from_mapping({n: v for n, v in values.items() if n in names})
     return settings, {n: v for n, v in values.items() if n not in names}

@@ -121,6 +121,12 @@ def test_every_parameter_tells_what_it_is(make_node: MakeNode) -> None:
             assert told.read_only == (f.name not in RATES), f.name
 
 
+def test_where_rates_come_with_each_request_they_cannot_be_set(make_node: MakeNode) -> None:
+    node = make_node()
+    declare_run(node, RunOptions, fixed=True)
+    assert all(node.describe_parameter(f.name).read_only for f in fields(Settings))
+
+
 def test_a_descriptor_has_range_unit_and_symbol() -> None:
     told = descriptor(Settings.__dataclass_fields__["n_crit"])
     assert told.description.endswith(" Symbol: n_crit. Unit: steps.")
