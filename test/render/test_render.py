@@ -1,0 +1,210 @@
+"""Pictures of a small stored repertoire, drawn by the program itself and looked at."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pybullet
+import pytest
+from PIL import Image
+
+from pga_me_ros.core.elites import Solutions
+from pga_me_ros.core.make_archive import make_archive
+from pga_me_ros.core.metrics import generation_metrics
+from pga_me_ros.core.policy import Controller, controller_shape, random_parameters
+from pga_me_ros.core.run_info import RunInfo
+from pga_me_ros.core.schedule import evaluation_rng
+from pga_me_ros.core.settings import Settings
+from pga_me_ros.core.storage import Repertoire
+from pga_me_ros.player.body_reader import BodyReader
+from pga_me_ros.player.stored import StoredRepertoire
+from pga_me_ros.render.__main__ import main
+from pga_me_ros.render.camera import FIELD_OF_VIEW, Camera
+from pga_me_ros.render.contact_sheet import GAP, HEAD, LABEL, spread_cells
+from pga_me_ros.render.scene import Scene
+from pga_me_ros.tasks.registry import make_task, task_spec
+from pga_me_ros.tasks.rollout import rollout
+
+B = 6
+SPEC = task_spec("qd_hopper")
+SETTINGS = Settings(
+    task="qd_hopper",
+    seed=4,
+    batch_size=B,
+    n_evo=2,
+    cells=64,
+    cvt_samples=2000,
+    controller_hidden=(16,),
+)
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a run of one generation of hoppers, really evaluated."""
+    folder = tmp_path_factory.mktemp("hop")
+    shape = controller_shape(SPEC, SETTINGS)
+    rng = np.random.default_rng(0)
+    parameters = np.stack([random_parameters(shape, rng) for _ in range(B)])
+    task = make_task("qd_hopper")
+    done = [
+        rollout(task, Controller(shape, p), evaluation_rng(SETTINGS.seed, k))
+        for k, p in enumerate(parameters)
+    ]
+    task.close()
+    solutions = Solutions.of(
+        fitness=[e.fitness for e in done],
+        descriptors=[e.descriptor for e in done],
+        parameters=parameters,
+        evaluations=range(B),
+        generation=0,
+        steps=[e.length for e in done],
+        terminated=[e.terminated for e in done],
+    )
+    info = RunInfo(
+        run_id="hoppers",
+        settings=SETTINGS.to_dict(),
+        task=SPEC.to_json(),
+        layer_sizes=shape.sizes,
+        activations=("relu", "tanh"),
+        versions={},
+        created="2026-01-01T00:00:00+00:00",
+    )
+    archive = make_archive(SPEC, SETTINGS)
+    with Repertoire.create(folder / "repertoire.db", info, archive) as file:
+        added = archive.add(solutions)
+        elites = [archive.elite(cell) for cell in added.changed_cells.tolist()]
+        file.commit(0, elites, generation_metrics(archive, solutions, added, 0, None), {})
+    return folder
+
+
+@pytest.fixture
+def render(run: Path, capsys: pytest.CaptureFixture[str]) -> Iterator[Callable[..., str]]:
+    """Return a function that runs the program, checks that it succeeds, and returns what it said on the way."""
+
+    def draw(*arguments: object) -> str:
+        assert main([str(run), *map(str, arguments)]) == 0
+        return capsys.readouterr().err
+
+    return draw
+
+
+def frames(path: Path) -> list[np.ndarray]:
+    with Image.open(path) as image:
+        found = []
+        for k in range(image.n_frames):
+            image.seek(k)
+            found.append(np.asarray(image.convert("RGB")).astype(int))
+    return found
+
+
+def robot(picture: np.ndarray) -> np.ndarray:
+    """Return where a picture has strong colours, as only the robot has."""
+    return picture.max(axis=2) - picture.min(axis=2) > 60
+
+
+def test_a_gif_shows_the_robot_moving_and_well_in_the_picture(
+    render: Callable[..., str], tmp_path: Path
+) -> None:
+    out = tmp_path / "gait.gif"
+    words = render("--best", "--out", out, "--size", 200, 150, "--fps", 30)
+    assert words.strip().endswith(": equal")
+    pictures = frames(out)
+    assert len(pictures) > 5
+    for picture in pictures:
+        rows, columns = np.nonzero(robot(picture))
+        assert rows.size > 300
+        assert rows.min() > 0
+        assert rows.max() < 149
+        assert columns.min() > 0
+        assert columns.max() < 199
+    first, last = robot(pictures[0]), robot(pictures[-1])
+    assert (first != last).sum() > 0.2 * first.sum()
+
+
+def test_a_gif_takes_as_long_as_the_episode(
+    run: Path, render: Callable[..., str], tmp_path: Path
+) -> None:
+    out = tmp_path / "gait.gif"
+    render("--out", out, "--size", 80, 60, "--speed", 0.5)
+    with Image.open(out) as image:
+        durations = []
+        for k in range(image.n_frames):
+            image.seek(k)
+            durations.append(image.info["duration"])
+    archive = StoredRepertoire.load(run).archive
+    steps = 3 * (archive.best().steps // 3)  # a picture after every third
+    assert sum(durations[:-1]) == pytest.approx(1000 * 2 * steps * SPEC.control_period, abs=10)
+
+
+def test_a_contact_sheet_has_a_row_per_gait(
+    run: Path, render: Callable[..., str], tmp_path: Path
+) -> None:
+    out = tmp_path / "sheet.png"
+    words = render("--sheet", 3, "--columns", 4, "--out", out).splitlines()
+    assert [word.rsplit(": ", 1)[1] for word in words] == ["equal"] * 3
+    with Image.open(out) as image:
+        sheet = np.asarray(image.convert("RGB")).astype(int)
+    assert sheet.shape == (HEAD + 3 * (132 + GAP), LABEL + 4 * (176 + GAP), 3)
+    for i in range(3):
+        top = HEAD + i * (132 + GAP)
+        assert (sheet[top : top + 132, :LABEL].max(axis=2) < 120).sum() > 100, "words"
+        for j in range(4):
+            left = LABEL + j * (176 + GAP)
+            assert robot(sheet[top : top + 132, left : left + 176]).sum() > 150
+
+
+def test_the_gaits_of_a_sheet_lie_far_apart(run: Path) -> None:
+    archive = StoredRepertoire.load(run).archive
+    cells = spread_cells(archive, 3, -np.inf)
+    values = archive.descriptors[cells][:, 0]
+    filled = archive.descriptors[archive.filled_cells()][:, 0]
+    assert archive.best().cell in cells
+    assert list(values) == sorted(values)
+    assert {filled.min(), filled.max()} & set(values)
+    assert spread_cells(archive, 100, archive.max_fitness) == [archive.best().cell]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--cell", "0"], "Cell 0 is empty"),
+        (["--descriptor", "0.1", "0.2"], "The descriptor has 2 entries; this repertoire's has 1"),
+        (["--min-fitness", "1e6"], "No gait has a fitness of 1000000.0 or more"),
+        (["--sheet", "2", "--min-fitness", "1e6"], "No gait has a fitness of 1e+06 or more"),
+        (["--out", "gait.png"], "ends in .gif"),
+        (["--start", "1e3"], "give a smaller --start"),
+    ],
+)
+def test_what_cannot_be_drawn_is_told_in_one_line(
+    run: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], message: str
+) -> None:
+    assert main([str(run), *arguments]) == 2
+    error = capsys.readouterr().err.splitlines()[-1]
+    assert error.startswith("error: ")
+    assert message in error
+
+
+def test_what_is_drawn_is_what_is_simulated() -> None:
+    """The copy that is posed for the picture covers the same pixels as the robot of the simulation."""
+    task = make_task("qd_walker")
+    task.reset(np.random.default_rng(3))
+    reader = BodyReader(task.body)  # type: ignore[attr-defined]
+    state = reader.state()
+    camera = Camera.for_robot(reader.model, state)
+    scene = Scene(reader.model, 320, 240)
+    copy = robot(scene.picture(state, camera).astype(int))
+    scene.close()
+    body = task.body  # type: ignore[attr-defined]
+    _, _, _, _, bodies = pybullet.getCameraImage(
+        320,
+        240,
+        pybullet.computeViewMatrix(camera.eye(state), camera.target(state), (0.0, 0.0, 1.0)),
+        pybullet.computeProjectionMatrixFOV(FIELD_OF_VIEW, 320 / 240, 0.1, 50.0),
+        renderer=pybullet.ER_TINY_RENDERER,
+        physicsClientId=body.client,
+    )
+    simulated = np.array(bodies).reshape(240, 320) == body.robot
+    task.close()
+    assert (copy & simulated).sum() > 0.93 * (copy | simulated).sum()
