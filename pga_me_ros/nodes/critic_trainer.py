@@ -18,7 +18,7 @@ from pga_me_ros.core.policy import controller_shape
 from pga_me_ros.core.schedule import TrainingOrder
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.core.snapshot import Snapshot
-from pga_me_ros.nodes.options import ChildOptions
+from pga_me_ros.nodes.options import ChildOptions, require_run
 from pga_me_ros.ros import names, qos
 from pga_me_ros.ros.command_line import Program
 from pga_me_ros.ros.convert import episode_from_msg, finite, shaped, snapshot_to_msg, with_rates
@@ -34,7 +34,7 @@ class CriticTrainerNode(GraphNode):
     def __init__(self) -> None:
         super().__init__("critic_trainer")
         self._settings, options = declare_run(self, ChildOptions, fixed=True)
-        self._run_id = options["run_id"]
+        self._run_id = require_run(options, "critic_trainer")
         self._spec = task_spec(self._settings.task)
         run_dir = Path(options["run_dir"])
         self._learner = DurableLearner(self._spec, self._settings, run_dir)

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
+from pga_me_ros.core.errors import SettingsError
 from pga_me_ros.core.setting_field import setting
 
 
@@ -13,6 +16,24 @@ class ChildOptions:
 
     run_id: str = setting("", "Run that the node works for.")
     run_dir: str = setting("", "Folder of the run.")
+
+
+def require_run(options: Mapping[str, Any], node: str) -> str:
+    """Return the id of the run that a node was started for.
+
+    Args:
+        options: Values of `ChildOptions`.
+        node: Executable.
+
+    Raises:
+        SettingsError: There is none: a node without a run would answer the requests of any, by refusing them.
+    """
+    if not options["run_id"]:
+        raise SettingsError(
+            f"No run_id is given: {node} works for one run, and its orchestrator starts it with all that it needs. "
+            "Start an orchestrator instead."
+        )
+    return str(options["run_id"])
 
 
 @dataclass(frozen=True)

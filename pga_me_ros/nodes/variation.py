@@ -17,7 +17,7 @@ from pga_me_ros.core.pg_variation import pg_variation
 from pga_me_ros.core.policy import controller_shape, critic_shape
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.core.snapshot import Snapshot
-from pga_me_ros.nodes.options import ChildOptions
+from pga_me_ros.nodes.options import ChildOptions, require_run
 from pga_me_ros.ros import names, qos
 from pga_me_ros.ros.command_line import Program
 from pga_me_ros.ros.convert import finite, flat, shaped, snapshot_from_msg, with_rates
@@ -36,7 +36,7 @@ class Variation(GraphNode):
     def __init__(self) -> None:
         super().__init__("variation")
         self._settings, options = declare_run(self, ChildOptions, fixed=True)
-        self._run_id = options["run_id"]
+        self._run_id = require_run(options, "variation")
         self._spec = task_spec(self._settings.task)
         self._shape = controller_shape(self._spec, self._settings)
         self._snapshots: dict[int, Snapshot] = {}
