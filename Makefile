@@ -1,7 +1,7 @@
 # Every target sets up what is missing first; a set-up that is up to date costs a fraction of a second.
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help setup messages run test lint bench soak chaos two-hosts clean
+.PHONY: help setup messages run test lint bench soak chaos fuzz two-hosts clean
 
 # Settings for the command line:
 PYTHON ?=
@@ -42,6 +42,9 @@ soak: setup ## Watch the memory of a run of 1,000 generations (an hour)
 
 chaos: setup ## Kill a run's processes at random moments, for minutes, and compare what it ends with
 	@$(IN_VENV) exec python bench/chaos.py $(ARGS)
+
+fuzz: setup ## Send 10,000 bad requests and messages to a run under way, and compare what it ends with
+	@$(IN_VENV) exec python bench/fuzz.py $(ARGS)
 
 two-hosts: setup ## Runs on two hosts made of network namespaces, whose cable is pulled (about 3 minutes)
 	@$(IN_VENV) exec python -m pytest -m two_hosts test/graph/test_two_hosts.py $(ARGS)

@@ -6,6 +6,7 @@ from pga_me_ros.core.settings import Settings
 from pga_me_ros.nodes.archive_manager import ArchiveManagerSettings
 from pga_me_ros.nodes.evaluator import EvaluatorSettings
 from pga_me_ros.nodes.options import ChildOptions, RunOptions
+from pga_me_ros.player.settings import PlayerSettings
 from pga_me_ros.ros.parameter_help import parameter_table
 
 PAGE = """\
@@ -32,6 +33,11 @@ PAGE = """\
   that names other rates than the run's first start puts those in force, any other keeps those last set. All other
   settings of the run are its identity, and a run directory refuses others.
 
+Beside ROS 2's own environment variables there is one default: where neither `ROS_AUTOMATIC_DISCOVERY_RANGE` nor
+`ROS_LOCALHOST_ONLY` is set, every executable takes `ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST`, for itself and for what it
+starts. For several machines, export `SUBNET` on each. With `ROS_SECURITY_ENABLE=true` nothing starts where ROS 2 comes from
+wheels, which have no DDS security ([security.md](security.md)).
+
 ## The run: orchestrator
 
 {settings}
@@ -44,6 +50,9 @@ PAGE = """\
 ## archive_manager
 
 {archive}
+## behavior_player
+
+{player}
 ## critic_trainer, variation
 
 Started by the orchestrator, with the settings of the run and:
@@ -58,6 +67,7 @@ def page() -> str:
         run=parameter_table(RunOptions),
         evaluator=parameter_table(EvaluatorSettings),
         archive=parameter_table(ArchiveManagerSettings),
+        player=parameter_table(PlayerSettings),
         child=parameter_table(ChildOptions),
     )
 

@@ -1,0 +1,42 @@
+"""A stray node sends anything to everything while a run is under way, and the run is what it would have been."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from fuzzer import Fuzzer
+from graph import TINY, Graph, Probe, wait_until
+from pga_me_msgs.msg import Progress
+from processes import children
+from reference import NOT_SETTINGS, run_digest, search_digest
+from std_srvs.srv import Trigger
+
+from pga_me_ros.core.settings import Settings
+from pga_me_ros.core.storage import Repertoire
+from pga_me_ros.ros import names, qos
+
+CASES = 400
+
+
+def test_whatever_is_sent_a_run_refuses_it_and_is_what_it_would_have_been(
+    graph: Graph, probe: Probe, tmp_path: Path
+) -> None:
+    run_dir = tmp_path / "run"
+    run = graph.run(run_dir, evaluations=100_000)
+    progress = probe.listen(Progress, names.PROGRESS, qos.LATCHED)
+    settings = {k: v for k, v in TINY.items() if k not in NOT_SETTINGS}
+    fuzzer = Fuzzer(probe, Settings.from_mapping(settings))
+    before = children(run_dir)
+    fuzzer.fuzz(CASES)
+    assert fuzzer.wrong == []
+    assert sum(fuzzer.sent.values()) >= CASES
+    assert sum(fuzzer.refusals.values()) > CASES / 4
+    after = fuzzer.generation
+    wait_until(lambda: fuzzer.generation > after, "another generation")
+    assert children(run_dir) == before, run.output
+    assert progress[-1].restarts == 0
+    probe.call(Trigger, "orchestrator/stop")
+    assert run.wait() == 0, run.output
+    with Repertoire.open(run_dir / "repertoire.db", read_only=True) as repertoire:
+        done = len(repertoire.metrics())
+    assert run_digest(run_dir) == search_digest(evaluations=10 * done)
