@@ -134,9 +134,10 @@ class BehaviorPlayer(GraphNode):
     def _play_episode(self, source: Source, task: Task, episode: int) -> None:
         gait = source.choose(self._wanted)
         numbers = ", ".join(f"{x:.3f}" for x in gait.descriptor)
+        asked = "descriptor" in self._wanted
         self.get_logger().info(
-            f"cell {gait.cell}, descriptor [{numbers}], {gait.distance:.3f} from what was asked for: "
-            f"playing {task.spec.name} at {self._pace.speed:g} x real time"
+            f"{task.spec.name}: playing cell {gait.cell}, descriptor [{numbers}]"
+            + (f", {gait.distance:.3f} from the wanted one" if asked else "")
         )
         period = task.spec.control_period
 

@@ -6,6 +6,7 @@ import argparse
 import os
 import sys
 from collections.abc import Sequence
+from importlib.util import find_spec
 from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as evaluators have it
@@ -52,6 +53,7 @@ def render(asked: argparse.Namespace) -> Path:
     Raises:
         PgaError: The run cannot be read, has no such gait, its task cannot be drawn, or the file cannot be written.
     """
+    _require_pillow()
     repertoire = StoredRepertoire.load(asked.run)
     ending = ".png" if asked.sheet else ".gif"
     out = asked.out or Path(f"{repertoire.name}{'-gaits' if asked.sheet else ''}{ending}")
@@ -70,10 +72,14 @@ def render(asked: argparse.Namespace) -> Path:
     return out
 
 
+def _require_pillow() -> None:
+    if find_spec("PIL") is None:
+        raise PgaError("Pictures need Pillow, which is not installed: pip install pillow.")
+
+
 def _draw_animation(
     asked: argparse.Namespace, repertoire: StoredRepertoire, task: Task, out: Path
 ) -> None:
-    # Pillow and the drawing are loaded when all that was asked for is known to make sense.
     gait = repertoire.choose(
         descriptor=asked.descriptor,
         cell=asked.cell,

@@ -190,7 +190,7 @@ def test_it_ends_by_itself_and_needs_nobody_when_it_is_given_a_file(
         "behavior_player", {"run_dir": repertoire.path, "cell": cell, "speed": 0.0}
     )
     assert player.wait() == 0, player.output
-    assert f"cell {cell}," in player.output
+    assert f"playing cell {cell}," in player.output
     assert player.output.count(": equal;") == 1
 
 
