@@ -19,6 +19,8 @@ MAY_IMPORT = {
     "tasks": {"core", "tasks"},
     "ros": {"core", "tasks", "ros"},
     "report": {"core", "tasks", "report"},
+    "export": {"core", "tasks", "export"},
+    "reevaluate": {"core", "tasks", "reevaluate"},
     "player": {"core", "tasks", "player", "client"},
     "render": {"core", "tasks", "player", "render"},
     "nodes": {"core", "tasks", "ros", "nodes", "client", "player"},
