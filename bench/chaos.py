@@ -185,10 +185,8 @@ def carry_out(
     generations = generations_of(part, deeds)
     settings = settings.replace(evaluations=generations * BATCH)
     print(f"\n{part}: {generations} generations\n  # what  node             gen")
-    parameters = {
-        name: list(value) if isinstance(value, tuple) else value
-        for name, value in settings.to_dict().items()
-    }
+    usual = Settings().to_dict()
+    parameters = {n: value for n, value in settings.to_dict().items() if value != usual[n]}
     parameters |= {"evaluators": 2, "serve": False}
     run = ChaosRun(folder / part, parameters, domain)
     record, began = Record(), time.monotonic()
@@ -221,7 +219,7 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=0, help="of the run and of the moments")
     parser.add_argument("--kills", type=int, default=24, help="of children")
     parser.add_argument("--resumes", type=int, default=10, help="kills of the orchestrator")
-    parser.add_argument("--stops", type=int, default=8, help="of children, with SIGSTOP")
+    parser.add_argument("--stops", type=int, default=4, help="of children, with SIGSTOP")
     parser.add_argument("--task", default="qd_walker")
     parser.add_argument("--part", choices=PARTS, help="one part only")
     arguments = parser.parse_args()
