@@ -63,7 +63,7 @@ def save_checkpoint(path: str | Path, arrays: Mapping[str, Array], meta: Mapping
         temporary.unlink(missing_ok=True)
         raise StorageError(
             f"Cannot write checkpoint {path}: {error.strerror}. "
-            "Give a folder that exists, may be written to and has room."
+            "Make room on its disk, or give a folder that exists and may be written to."
         ) from error
 
 

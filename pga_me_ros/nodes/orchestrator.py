@@ -13,7 +13,7 @@ from pathlib import Path
 from types import FrameType
 
 import rclpy
-from pga_me_msgs.msg import Progress
+from pga_me_msgs.msg import NodeStatus, Progress
 from rclpy.clock import Clock, ClockType
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
@@ -21,11 +21,13 @@ from rclpy.signals import SignalHandlerOptions
 from pga_me_ros.core.errors import PgaError
 from pga_me_ros.core.run_directory import RunDirectory, default_run_dir, open_run
 from pga_me_ros.core.settings import Settings
+from pga_me_ros.core.storage_file import explained
 from pga_me_ros.nodes.caller import StoppedError, Waiter
 from pga_me_ros.nodes.control import Control
 from pga_me_ros.nodes.options import RunOptions
 from pga_me_ros.nodes.progress import ProgressReporter
 from pga_me_ros.nodes.run import Run
+from pga_me_ros.nodes.team import SINGLETONS, name_is_taken
 from pga_me_ros.ros import names, qos
 from pga_me_ros.ros.command_line import Program, start
 from pga_me_ros.ros.namesakes import LISTEN, listening_time
@@ -92,10 +94,11 @@ def lead(control: Control, signals: Signals) -> int:
     progress = ProgressReporter(control)
     progress.msg.task = settings.task
     progress.publish()
-    require_free_name(control, progress.msg)
-    directory = open_run(
-        Path(options.run_dir) if options.run_dir else default_run_dir(settings), spec, settings
-    )
+    path = Path(options.run_dir) if options.run_dir else default_run_dir(settings)
+    require_free_name(control, progress.msg, new=not path.exists())
+    directory = open_run(path, spec, settings)
+    with explained(path):
+        control.terminal.record(path / "logs" / "orchestrator.log")
     control.take_rates(directory.settings)
     run = Run(control, spec, directory, options, progress)
 
@@ -120,6 +123,7 @@ def lead(control: Control, signals: Signals) -> int:
     except PgaError as error:
         progress.enter("failed")
         run.watch.failed(str(error))
+        control.terminal.note(f"error: {error}")
         run.watch.publish(progress.msg)
         if progress.msg.evaluations:
             progress.say(failed(progress, directory, run))
@@ -181,7 +185,7 @@ def failed(progress: ProgressReporter, directory: RunDirectory, run: Run) -> str
     )
 
 
-def require_free_name(control: Control, claim: Progress) -> None:
+def require_free_name(control: Control, claim: Progress, *, new: bool) -> None:
     """Make sure that no other orchestrator lives in this namespace.
 
     Of several that are started at the same time, the one whose claim is the oldest stays.
@@ -189,11 +193,14 @@ def require_free_name(control: Control, claim: Progress) -> None:
     Args:
         control: The orchestrator's node.
         claim: What it has published of itself, without a run yet.
+        new: Whether the run's folder is still to be made; nobody else's nodes may then be there either. Of a run that
+            is resumed they may be its own, about to notice that their orchestrator was killed.
 
     Raises:
         PgaError: One does.
     """
     heard: list[Progress] = []
+    strangers: list[NodeStatus] = []
     waiter = Waiter(lambda: stop_if_asked(control))
 
     def take(msg: Progress) -> None:
@@ -205,14 +212,24 @@ def require_free_name(control: Control, claim: Progress) -> None:
             heard.append(msg)
             waiter.wake()
 
+    def take_node(msg: NodeStatus) -> None:
+        if new and not strangers and msg.kind in SINGLETONS:
+            strangers.append(msg)
+
     control.create_subscription(Progress, names.PROGRESS, take, qos.LATCHED)
+    control.create_subscription(NodeStatus, names.STATUS, take_node, qos.STATUS)
     waiter.until(lambda: bool(heard), LISTEN)
-    if waiter.until(lambda: bool(heard), listening_time(control, control.get_name()) - LISTEN):
+    waiter.until(lambda: bool(heard), listening_time(control, control.get_name()) - LISTEN)
+    if strangers:  # their orchestrator, if they have one, says more about them
+        waiter.until(lambda: bool(heard), LISTEN)
+    if heard:
         who = printable(f"process {heard[0].pid} on {heard[0].host}, task {heard[0].task}")
         raise PgaError(
             f"Another orchestrator runs as {control.get_fully_qualified_name()} ({who}). "
             "Stop it, or give this one a namespace (--ros-args -r __ns:=/NAME) or another ROS_DOMAIN_ID."
         )
+    if strangers:
+        raise name_is_taken(strangers[0])
 
 
 def stop_if_asked(control: Control) -> None:

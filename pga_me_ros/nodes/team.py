@@ -16,6 +16,7 @@ from rclpy.node import Node
 from pga_me_ros.core.critic_checkpoint import CriticCheckpoints
 from pga_me_ros.core.errors import PgaError
 from pga_me_ros.core.run_directory import RunDirectory
+from pga_me_ros.core.storage_file import explained
 from pga_me_ros.nodes.children import Children
 from pga_me_ros.nodes.evaluator_pool import EvaluatorPool
 from pga_me_ros.ros.command_line import remappings
@@ -54,7 +55,7 @@ class Team:
         self._alive: set[tuple[str, int]] = set()
         self._seen: dict[str, float] = {}
         self._silent: set[str] = set()
-        self._foreign = ""
+        self._foreign: NodeStatus | None = None
         self._since = time.monotonic()
         self.arrivals = 0
 
@@ -103,7 +104,7 @@ class Team:
             if msg.done:
                 self.children.working(name, msg.pid)
         elif msg.kind in SINGLETONS or name in self.children.names():
-            self._foreign = printable(f"{msg.node} (process {msg.pid} on {msg.host})")
+            self._foreign = msg
 
     def ready(self) -> bool:
         """Whether every child has said that it is up, and nobody else has the names of ours.
@@ -112,10 +113,7 @@ class Team:
             PgaError: Somebody else's node has the name of one of ours.
         """
         if self._foreign:
-            raise PgaError(
-                f"The name {self._foreign} is taken in this ROS domain. Stop that node, or give this "
-                "run a namespace (--ros-args -r __ns:=/NAME) or another ROS_DOMAIN_ID."
-            )
+            raise name_is_taken(self._foreign)
         children = self.children
         if any((name, children.pid(name)) not in self._alive for name in children.names()):
             return False
@@ -155,6 +153,16 @@ class Team:
         # JSON is YAML too, and writes every number so that it is read back the same.
         content = json.dumps({"/**": {"ros__parameters": values}}, indent=2)
         temporary = Path(f"{path}.new")
-        temporary.write_text(content + "\n")
-        os.replace(temporary, path)
-        self.children.start(kind, name, path)
+        with explained(self._directory.path):
+            temporary.write_text(content + "\n")
+            os.replace(temporary, path)
+            self.children.start(kind, name, path)
+
+
+def name_is_taken(by: NodeStatus) -> PgaError:
+    """Return the error of a run of which a node has its namesake in the graph."""
+    who = printable(f"{by.node} (process {by.pid} on {by.host})")
+    return PgaError(
+        f"The name {who} is taken in this ROS domain. Stop that node, or give this "
+        "run a namespace (--ros-args -r __ns:=/NAME) or another ROS_DOMAIN_ID."
+    )

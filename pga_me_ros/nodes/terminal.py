@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import sys
 import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, TextIO
 
 from rclpy.impl.rcutils_logger import RcutilsLogger
 
@@ -25,9 +28,26 @@ class Terminal:
         self._in_place = sys.stdout.isatty() and os.environ.get("TERM") != "dumb"
         self._status: Sequence[str] = ()
         self._lock = threading.RLock()
+        self._log: TextIO | None = None
+
+    def record(self, path: Path) -> None:
+        """Keep everything that is shown from now on in a file as well, each line with its time.
+
+        Raises:
+            OSError: The file cannot be written.
+        """
+        self._log = path.open("a", buffering=1)
+
+    def note(self, text: str) -> None:
+        """Write a line into the file alone."""
+        now = datetime.now(UTC).isoformat(timespec="milliseconds")
+        with self._lock, contextlib.suppress(OSError):  # a full disk must not end what can go on
+            if self._log is not None:
+                self._log.write(f"{now} {text}\n")
 
     def say(self, text: str) -> None:
         """Print a line that stays."""
+        self.note(text)
         with self.aside():
             print(text, flush=True)
 
@@ -37,6 +57,7 @@ class Terminal:
         Args:
             parts: Its parts, the ones that can be left out first at the end.
         """
+        self.note("  ".join(parts))
         with self._lock:
             if self._in_place:
                 self._status = tuple(parts)
@@ -103,15 +124,18 @@ class CalmLogger:
     # A method each: rclpy remembers a severity for every line of code that logs.
     def info(self, message: str) -> None:
         """Log what is good to know."""
+        self._terminal.note(message)
         with self._terminal.aside():
             self._logger.info(message)
 
     def warning(self, message: str) -> None:
         """Log what the run copes with."""
+        self._terminal.note(f"warning: {message}")
         with self._terminal.aside():
             self._logger.warning(message)
 
     def error(self, message: str) -> None:
         """Log what it does not cope with."""
+        self._terminal.note(f"error: {message}")
         with self._terminal.aside():
             self._logger.error(message)

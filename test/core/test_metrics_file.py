@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 from repertoires import make
 
+from pga_me_ros.core.elites import Operator
 from pga_me_ros.core.errors import StorageError
 from pga_me_ros.core.metrics_file import COLUMNS, TIME_COLUMNS, MetricsFile
 from pga_me_ros.core.storage import Repertoire
@@ -45,7 +46,7 @@ def test_every_number_is_read_back_bit_for_bit(
         metrics = generation.metrics
         assert float(row["qd_score"]) == metrics.qd_score
         assert int(row["total_steps"]) == metrics.total_steps
-        counts = [int(row[f"new_elites_{name}"]) for name in ("random", "ga", "pg", "greedy")]
+        counts = [int(row[f"new_elites_{operator.name.lower()}"]) for operator in Operator]
         assert tuple(counts) == metrics.new_elites
         assert row["committed"] == generation.committed
 

@@ -193,6 +193,7 @@ def test_a_foreign_archive_manager_keeps_a_run_from_starting(graph: Graph, tmp_p
     foreign = graph.start("archive_manager", {"repertoire": make_run(tmp_path / "old")})
     words = refused_run(graph, tmp_path / "run")
     assert f"The name /archive_manager (process {foreign.process.pid} on" in words
+    assert not (tmp_path / "run").exists()
     assert foreign.process.poll() is None
 
 

@@ -99,9 +99,10 @@ def test_a_node_that_falls_silent_is_stale_until_it_is_heard_again(watched: Watc
     wait_until(lambda: not stale(), "a sign of life")
 
 
-def test_every_child_has_a_log_in_the_run_directory(watched: Watched) -> None:
-    logs = {path.stem for path in (watched.run_dir / "logs").iterdir()}
-    assert logs >= NODES - {"orchestrator"}
+def test_every_node_has_a_log_in_the_run_directory(watched: Watched) -> None:
+    logs = watched.run_dir / "logs"
+    assert {path.stem for path in logs.iterdir()} == NODES
+    assert "finished: " in (logs / "orchestrator.log").read_text()
 
 
 def test_the_table_of_metrics_grows_with_the_run(watched: Watched) -> None:

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
-import pytest
+from datetime import datetime
+from pathlib import Path
 
-from pga_me_ros.nodes.terminal import Terminal, fitted
+import pytest
+from rclpy.logging import get_logger
+
+from pga_me_ros.nodes.terminal import CalmLogger, Terminal, fitted
 
 PARTS = ["qd_ant", "evaluations 5/9", "best 3"]
 
@@ -34,3 +38,18 @@ def test_without_a_terminal_every_line_stays(capsys: pytest.CaptureFixture[str])
     terminal.close()
     line = "qd_ant  evaluations 5/9  best 3\n"
     assert capsys.readouterr().out == f"{line}a word\n{line}"
+
+
+def test_what_was_shown_is_kept_with_its_time(tmp_path: Path) -> None:
+    for _ in range(2):  # a run that is resumed goes on in the same file
+        terminal = Terminal()
+        terminal.say("before the file")
+        terminal.record(tmp_path / "orchestrator.log")
+        terminal.show(PARTS)
+        CalmLogger(get_logger("terminal"), terminal).warning("a leg is missing")
+    lines = (tmp_path / "orchestrator.log").read_text().splitlines()
+    assert [line.partition(" ")[2] for line in lines] == [
+        "qd_ant  evaluations 5/9  best 3",
+        "warning: a leg is missing",
+    ] * 2
+    assert all(datetime.fromisoformat(line.split()[0]).tzinfo for line in lines)
