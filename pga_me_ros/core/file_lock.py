@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import fcntl
 import os
+import re
 import socket
 import time
 from pathlib import Path
@@ -28,13 +29,14 @@ class FileLock:
     Args:
         path: Lock file; made if absent.
         wait: Seconds to wait for a holder that is about to end.
+        orphans: Seconds to wait if the process that took the lock is dead, and only its children are left.
 
     Raises:
         LockedError: Another process (or another part of this one) holds the lock.
         StorageError: The file cannot be made, or its file system knows no locks.
     """
 
-    def __init__(self, path: Path, wait: float = 0.0) -> None:
+    def __init__(self, path: Path, wait: float = 0.0, orphans: float = 0.0) -> None:
         """Take the lock."""
         try:
             self._fd = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
@@ -43,9 +45,9 @@ class FileLock:
                 f"Cannot write '{path}' ({error.strerror}); choose a run_dir that is writable."
             ) from None
         try:
-            self._take(time.monotonic() + wait)
+            self._take(wait, max(wait, orphans))
         except BlockingIOError:
-            holder = os.pread(self._fd, 200, 0).decode(errors="replace").strip() or "unknown"
+            holder = self._holder() or "unknown"
             os.close(self._fd)
             raise LockedError(
                 f"'{path.name.removesuffix('.lock')}' in '{path.parent}' is being written by "
@@ -64,14 +66,32 @@ class FileLock:
         """Return the file descriptor, for children to inherit."""
         return self._fd
 
-    def _take(self, deadline: float) -> None:
+    def _take(self, wait: float, orphans: float) -> None:
+        start = time.monotonic()
         while True:
             try:
                 return fcntl.flock(self._fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
-                if time.monotonic() > deadline:
+                waited = time.monotonic() - start
+                if waited > orphans or (waited > wait and not self._orphaned()):
                     raise
                 time.sleep(POLL)
+
+    def _holder(self) -> str:
+        return os.pread(self._fd, 200, 0).decode(errors="replace").strip()
+
+    def _orphaned(self) -> bool:
+        """Whether the process that took the lock was of this machine and is dead."""
+        match = re.fullmatch(r"pid (\d{1,9}) on (.+)", self._holder())
+        if not match or match[2] != socket.gethostname():
+            return False
+        try:
+            os.kill(int(match[1]), 0)
+        except ProcessLookupError:
+            return True
+        except PermissionError:
+            return False
+        return False
 
     def release(self) -> None:
         """Give the lock up; once is enough."""

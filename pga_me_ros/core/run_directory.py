@@ -25,8 +25,12 @@ REPERTOIRE = "repertoire.db"
 LOCK = "run.lock"
 FOLDERS = ("logs", "parameters", "experience")
 
-ORPHAN_WAIT = 5.0
-"""Seconds that the children of a killed orchestrator get to notice and leave."""
+LEAVE_WAIT = 5.0
+"""Seconds that an orchestrator that was asked to stop gets to leave."""
+
+ORPHAN_WAIT = 20.0
+"""Seconds that the children of a killed orchestrator get to notice and leave: one that is still importing its libraries
+notices only afterwards."""
 
 
 @dataclass(frozen=True)
@@ -80,7 +84,7 @@ def open_run(path: Path, spec: TaskSpec, settings: Settings) -> RunDirectory:
     """
     for folder in (path, *(path / name for name in FOLDERS)):
         make_folder(folder)
-    lock = FileLock(path / LOCK, wait=ORPHAN_WAIT)
+    lock = FileLock(path / LOCK, wait=LEAVE_WAIT, orphans=ORPHAN_WAIT)
     try:
         new = not (path / REPERTOIRE).exists()
         if new:

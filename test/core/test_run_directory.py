@@ -134,7 +134,7 @@ def test_what_is_left_of_a_run_without_its_repertoire_is_refused(tmp_path: Path,
 def test_a_directory_in_use_is_refused_with_the_process_that_uses_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("pga_me_ros.core.run_directory.ORPHAN_WAIT", 0.0)
+    monkeypatch.setattr("pga_me_ros.core.run_directory.LEAVE_WAIT", 0.0)
     held = open_run(tmp_path, task_spec(TINY.task), TINY)
     with pytest.raises(LockedError, match=f"pid {os.getpid()} on"):
         start(tmp_path)
