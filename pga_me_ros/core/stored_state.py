@@ -104,6 +104,6 @@ def _require_repeatable(
         lost = files.path(trained[0])
         reason = damage.get(trained[0], f"The critics '{lost}' are missing; restore them.")
         raise StorageError(
-            f"{reason} Their training cannot be repeated either. The repertoire beside it is sound: serve it with "
-            f"archive_manager -p repertoire:={lost.parent}/repertoire.db"
+            f"{reason} Their training cannot be repeated either. The repertoire beside it is sound; to serve it: "
+            f"ros2 run pga_me_ros archive_manager --ros-args -p repertoire:={lost.parent}/repertoire.db"
         )

@@ -48,6 +48,20 @@ try:
 except ValueError as error:
     print(error)
 """
+START = """
+import sys
+from pathlib import Path
+from repertoires import give_up_root
+from pga_me_ros.core.run_directory import open_run
+from pga_me_ros.core.settings import Settings
+from pga_me_ros.tasks.registry import task_spec
+spec = task_spec("qd_walker")
+give_up_root()
+try:
+    open_run(Path(sys.argv[1]), spec, Settings(cells=16, cvt_samples=500))
+except ValueError as error:
+    print(error)
+"""
 FILL = """
 import resource
 import sys
@@ -179,6 +193,15 @@ def test_a_folder_that_may_not_be_written_is_refused(open_folder: Path) -> None:
     open_folder.chmod(0o555)
     answer = run(CREATE, open_folder / "repertoire.db")
     assert "choose a run_dir that is writable" in answer
+
+
+@pytest.mark.parametrize("name", ["", "new"])
+def test_a_run_directory_that_may_not_be_written_is_refused(open_folder: Path, name: str) -> None:
+    open_folder.chmod(0o555)
+    answer = run(START, open_folder / name)
+    assert f"folder '{open_folder}" in answer
+    assert "give run_dir" in answer
+    assert not list(open_folder.iterdir())
 
 
 def test_a_file_in_a_folder_that_may_not_be_written_can_be_read(open_folder: Path) -> None:
