@@ -24,12 +24,14 @@ from pga_me_ros.nodes.options import RunOptions
 from pga_me_ros.player.body_reader import BodyReader
 from pga_me_ros.player.display import require_display
 from pga_me_ros.player.messages import RobotMessages, stamp_of
+from pga_me_ros.player.model import RobotModel, RobotState
 from pga_me_ros.player.pace import Pace
 from pga_me_ros.player.promise import is_kept, kept
 from pga_me_ros.player.recording import watched_rollout
 from pga_me_ros.player.settings import PlayerSettings, wanted
 from pga_me_ros.player.source import Served, Source, Stored
 from pga_me_ros.player.urdf import urdf
+from pga_me_ros.player.window import Window
 from pga_me_ros.ros import names, qos
 from pga_me_ros.ros.command_line import Program
 from pga_me_ros.ros.graph_node import GraphNode
@@ -67,6 +69,7 @@ class BehaviorPlayer(GraphNode):
         )
         self._steps = 0
         self._messages: RobotMessages | None = None
+        self._window: Window | None = None
         self._outcome: Exception = ExternalShutdownException()
         self._end = self.create_guard_condition(self._raise_outcome)
         self._player = threading.Thread(target=self._play, name="player")
@@ -147,7 +150,12 @@ class BehaviorPlayer(GraphNode):
             else:
                 self._pace.begin()
             self._check_end()
-            self._show(reader, period)
+            state = reader.state()
+            if self._values["gui"]:
+                if self._window is None or self._window.client != reader.client:
+                    self._window = Window(reader, state)
+                self._window.follow(state)
+            self._publish(reader.model, state, period)
 
         fresh = self._values["start"] == "fresh"
         rng = (
@@ -166,8 +174,8 @@ class BehaviorPlayer(GraphNode):
                 f"{text}; the repertoire comes from other libraries or another kind of machine"
             )
 
-    def _show(self, reader: BodyReader, period: float) -> None:
-        """Publish what the robot does at this moment."""
+    def _publish(self, model: RobotModel, state: RobotState, period: float) -> None:
+        """Tell where the robot is at this moment."""
         nanoseconds = round(1e9 * period * self._steps)
         self._steps += 1
         if self._values["clock"]:
@@ -176,10 +184,9 @@ class BehaviorPlayer(GraphNode):
         else:
             stamp = self.get_clock().now().to_msg()
         if self._messages is None:
-            self._messages = RobotMessages(reader.model, self._values["frame_prefix"])
-            self._description_topic.publish(String(data=urdf(reader.model)))
+            self._messages = RobotMessages(model, self._values["frame_prefix"])
+            self._description_topic.publish(String(data=urdf(model)))
             self._fixed_topic.publish(self._messages.fixed_frames(stamp))
-        state = reader.state()
         self._frame_topic.publish(self._messages.moving_frames(state, stamp))
         self._joint_topic.publish(self._messages.joint_state(state, stamp))
         self._odometry_topic.publish(self._messages.odometry(state, stamp))

@@ -29,6 +29,7 @@ class BodyReader:
 
     Attributes:
         model: The robot's links and joints.
+        client: Id of the PyBullet client.
 
     Raises:
         TaskError: It is no tree of links with joints of one degree of freedom below the torso.
@@ -39,6 +40,7 @@ class BodyReader:
 
         self._pybullet = pybullet
         self._body = body
+        self.client = body.client
         self._infos = [
             pybullet.getJointInfo(body.robot, index, body.client)
             for index in range(pybullet.getNumJoints(body.robot, body.client))

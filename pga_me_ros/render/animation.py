@@ -8,9 +8,9 @@ from pathlib import Path
 from PIL import Image
 
 from pga_me_ros.core.errors import StorageError
+from pga_me_ros.player.camera import Camera
 from pga_me_ros.player.recording import Recording
 from pga_me_ros.player.stored import Gait
-from pga_me_ros.render.camera import Camera
 from pga_me_ros.render.labels import described, labelled
 from pga_me_ros.render.scene import Scene
 

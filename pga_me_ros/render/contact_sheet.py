@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from pga_me_ros.core.archive import Archive
+from pga_me_ros.player.camera import Camera
 from pga_me_ros.player.recording import Recording
 from pga_me_ros.player.stored import Gait
-from pga_me_ros.render.camera import Camera
 from pga_me_ros.render.labels import PAPER, described, write
 from pga_me_ros.render.scene import Scene
 

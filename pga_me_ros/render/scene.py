@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pga_me_ros.core.errors import TaskError
+from pga_me_ros.player.camera import FIELD_OF_VIEW, Camera
 from pga_me_ros.player.model import Colour, RobotModel, RobotState
 from pga_me_ros.player.urdf import urdf
-from pga_me_ros.render.camera import FIELD_OF_VIEW, Camera
 
 TILE = 0.5
 """Edge of a tile of the ground, m."""

@@ -11,8 +11,8 @@ from pga_me_ros.core.policy import Controller, controller_shape, random_paramete
 from pga_me_ros.core.schedule import evaluation_rng
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.player.body_reader import BodyReader
+from pga_me_ros.player.camera import Camera
 from pga_me_ros.player.recording import record, watched_rollout
-from pga_me_ros.render.camera import Camera
 from pga_me_ros.render.scene import Scene
 from pga_me_ros.tasks.registry import make_task, task_spec
 from pga_me_ros.tasks.rollout import rollout

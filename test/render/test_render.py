@@ -19,9 +19,9 @@ from pga_me_ros.core.schedule import evaluation_rng
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.core.storage import Repertoire
 from pga_me_ros.player.body_reader import BodyReader
+from pga_me_ros.player.camera import FIELD_OF_VIEW, Camera
 from pga_me_ros.player.stored import StoredRepertoire
 from pga_me_ros.render.__main__ import main
-from pga_me_ros.render.camera import FIELD_OF_VIEW, Camera
 from pga_me_ros.render.contact_sheet import GAP, HEAD, LABEL, spread_cells
 from pga_me_ros.render.scene import Scene
 from pga_me_ros.tasks.registry import make_task, task_spec
