@@ -13,7 +13,8 @@ from pathlib import Path
 from typing import IO
 
 from pga_me_ros.core.errors import PgaError
-from pga_me_ros.ros.process import EXIT_BAD_INPUT, PARENT_WATCH
+from pga_me_ros.ros.parent_watch import PARENT_WATCH
+from pga_me_ros.ros.process import EXIT_BAD_INPUT
 
 STOP_GRACE = 2.0
 """Seconds between asking a child to stop and killing it."""

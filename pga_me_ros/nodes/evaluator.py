@@ -32,7 +32,8 @@ from pga_me_ros.ros.environment import LOCAL_NOTE, is_local
 from pga_me_ros.ros.graph_node import GraphNode, own_name
 from pga_me_ros.ros.namesakes import listening_time
 from pga_me_ros.ros.parameters import declare
-from pga_me_ros.ros.process import PARENT_WATCH, run_node
+from pga_me_ros.ros.parent_watch import PARENT_WATCH
+from pga_me_ros.ros.process import run_node
 from pga_me_ros.ros.refusals import printable
 from pga_me_ros.tasks.registry import make_task
 from pga_me_ros.tasks.rollout import Episode, rollout

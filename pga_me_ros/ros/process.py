@@ -1,10 +1,8 @@
-"""Start and end of a node's process: errors in one line, quiet Ctrl-C, no orphans."""
+"""Start and end of a node's process: errors in one line, quiet Ctrl-C."""
 
 from __future__ import annotations
 
-import os
 import sys
-import threading
 import traceback
 from collections.abc import Callable
 
@@ -15,12 +13,6 @@ from rclpy.node import Node
 
 from pga_me_ros.core.errors import PgaError
 from pga_me_ros.ros.command_line import Program, start
-
-PARENT_WATCH = "PGA_ME_PARENT_WATCH"
-"""Environment variable that tells a child to end when its standard input closes, that is, when its parent is gone."""
-
-GRACE = 2.0
-"""Seconds that a child gets to end by itself after its parent is gone."""
 
 EXIT_FAULT = 1
 EXIT_BAD_INPUT = 2
@@ -42,7 +34,6 @@ def run_node(program: Program, make: Callable[[], Node], args: list[str] | None 
     try:
         if not start(program, args):
             return 0
-        watch_parent()
         node = make()
         executor = SingleThreadedExecutor()
         executor.add_node(node)
@@ -75,21 +66,3 @@ def report(error: Exception, *, starting: bool = True) -> int:
         return EXIT_BAD_INPUT
     traceback.print_exception(error)
     return EXIT_FAULT
-
-
-def watch_parent() -> None:
-    """End this process soon after its parent is gone, if it was started as a child of the graph.
-
-    The parent holds the other end of standard input; the kernel closes it however the parent dies.
-    """
-    if os.environ.get(PARENT_WATCH) != "1":
-        return
-
-    def wait_for_end_of_input() -> None:
-        while os.read(0, 4096):
-            pass
-        rclpy.try_shutdown()
-        threading.Event().wait(GRACE)
-        os._exit(EXIT_FAULT)
-
-    threading.Thread(target=wait_for_end_of_input, name="parent watch", daemon=True).start()
