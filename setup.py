@@ -28,6 +28,7 @@ setup(
     license="Apache-2.0",
     python_requires=">=3.11",
     packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
+    package_data={f"{PACKAGE}.ros": ["*.xml"]},
     # What the nodes import is declared in package.xml, and pinned in requirements/run.txt.
     install_requires=["setuptools"],
     # What one format of `export` takes.

@@ -1,10 +1,11 @@
-"""What a process of the graph takes from its environment before ROS 2 starts: how far it is heard, and DDS security."""
+"""What a process of the graph takes from its environment before ROS 2 starts: how far it is heard, memory, security."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import MutableMapping
 from importlib.metadata import PackageNotFoundError, distribution
+from pathlib import Path
 
 from pga_me_ros.core.errors import SettingsError
 
@@ -15,6 +16,11 @@ SECURITY = "ROS_SECURITY_ENABLE"
 WHEEL = "ros-rmw-fastrtps-cpp"
 """Distribution of the middleware where ROS 2 comes as wheels, whose Fast DDS is built without DDS security."""
 
+PROFILES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
+QOS_FROM_PROFILES = "RMW_FASTRTPS_USE_QOS_FROM_XML"
+OUR_PROFILES = Path(__file__).with_name("fastdds.xml")
+"""Lets Fast DDS give back the memory of large messages; it says how."""
+
 LOCAL_NOTE = (
     f"nodes are found on this machine only; for others, export {DISCOVERY_RANGE}=SUBNET on each"
 )
@@ -22,7 +28,7 @@ LOCAL_NOTE = (
 
 
 def prepare_environment(environment: MutableMapping[str, str] | None = None) -> None:
-    """Keep ROS 2 to this machine unless the user says otherwise, and refuse a security that there is none of.
+    """Keep ROS 2 to this machine and its memory small unless told otherwise; refuse a security that there is none of.
 
     To be called before ``rclpy.init``; child processes inherit the result.
 
@@ -36,6 +42,10 @@ def prepare_environment(environment: MutableMapping[str, str] | None = None) -> 
     # ROS_LOCALHOST_ONLY is the older way to say the same; who uses it has decided.
     if LOCALHOST_ONLY not in variables:
         variables.setdefault(DISCOVERY_RANGE, "LOCALHOST")
+    # Who has profiles has set more than we know; ours would take their place.
+    if not any(name in variables for name in (*PROFILES, QOS_FROM_PROFILES)):
+        variables[PROFILES[0]] = str(OUR_PROFILES)
+        variables[QOS_FROM_PROFILES] = "1"
     # rcl takes exactly "true" for yes, too.
     if variables.get(SECURITY) == "true" and not has_dds_security():
         raise SettingsError(

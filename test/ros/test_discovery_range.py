@@ -20,6 +20,9 @@ from pga_me_ros.core.errors import SettingsError
 from pga_me_ros.ros.environment import (
     DISCOVERY_RANGE,
     LOCALHOST_ONLY,
+    OUR_PROFILES,
+    PROFILES,
+    QOS_FROM_PROFILES,
     SECURITY,
     has_dds_security,
     is_local,
@@ -116,8 +119,21 @@ def test_a_node_listens_to_the_subnet_only_if_told_to_and_is_found_by_plain_node
 def test_what_the_user_says_of_the_range_counts(
     given: dict[str, str], expected: dict[str, str]
 ) -> None:
+    own_profiles = {QOS_FROM_PROFILES: "0"}
+    given |= own_profiles
     prepare_environment(given)
-    assert given == expected
+    assert given == expected | own_profiles
+
+
+@pytest.mark.parametrize("name", [*PROFILES, QOS_FROM_PROFILES])
+def test_profiles_of_the_user_are_left_alone(name: str) -> None:
+    without: dict[str, str] = {}
+    prepare_environment(without)
+    assert Path(without[PROFILES[0]]) == OUR_PROFILES
+    assert OUR_PROFILES.is_file()
+    given = {name: "theirs"}
+    prepare_environment(given)
+    assert {n: v for n, v in given.items() if n != DISCOVERY_RANGE} == {name: "theirs"}
 
 
 @pytest.mark.parametrize(
