@@ -73,10 +73,15 @@ def _damage(files: GenerationFiles) -> dict[int, str]:
 
 def _trainings(history: Sequence[Mapping[str, Any]], settings: Settings) -> Iterator[int]:
     """Yield the generations that critics were trained for in the committed ones, the newest first."""
+    known: dict[tuple[tuple[str, Any], ...], Settings] = {}
+
+    def at(t: int) -> Settings:
+        rates = tuple(history[t].items())  # in most runs they never change
+        return known.get(rates) or known.setdefault(rates, settings.replace(**history[t]))
+
     newest = len(history) + 1
     for t in reversed(range(len(history))):
-        now = settings.replace(**history[t])
-        before = settings.replace(**history[max(t - 1, 0)])
+        now, before = at(t), at(max(t - 1, 0))
         for order in (training_meanwhile(now, t), training_for(now, before, t)):
             if order is not None and order.generation < newest:
                 newest = order.generation
