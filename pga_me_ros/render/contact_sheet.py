@@ -118,5 +118,5 @@ def _moments(recording: Recording, columns: int, scene: Scene, period: float) ->
 def _words(row: Row, period: float) -> list[str]:
     episode = row.recording.episode
     seconds = episode.length * period
-    end = f"falls after {seconds:.1f} s" if episode.terminated else f"runs for {seconds:.1f} s"
+    end = f"falls after {seconds:.1f} s" if episode.terminated else f"lasts {seconds:.1f} s"
     return [f"cell {row.gait.cell}", *described(row.gait), end]
