@@ -136,7 +136,9 @@ def test_a_directory_in_use_is_refused_with_the_process_that_uses_it(
 ) -> None:
     monkeypatch.setattr("pga_me_ros.core.run_directory.LEAVE_WAIT", 0.0)
     held = open_run(tmp_path, task_spec(TINY.task), TINY)
-    with pytest.raises(LockedError, match=rf"another process \(pid {os.getpid()} on [^;:]*\)\. Stop that"):
+    with pytest.raises(
+        LockedError, match=rf"another process \(pid {os.getpid()} on [^;:]*\)\. Stop that"
+    ):
         start(tmp_path)
     held.lock.release()
 
