@@ -34,9 +34,9 @@ PAGE = """\
   settings of the run are its identity, and a run directory refuses others.
 
 Beside ROS 2's own environment variables there is one default: where neither `ROS_AUTOMATIC_DISCOVERY_RANGE` nor
-`ROS_LOCALHOST_ONLY` is set, every executable takes `ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST`, for itself and for what it
-starts. For several machines, export `SUBNET` on each. With `ROS_SECURITY_ENABLE=true` nothing starts where ROS 2 comes from
-wheels, which have no DDS security ([security.md](security.md)).
+`ROS_LOCALHOST_ONLY` is set, every executable takes `ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST`, for itself and for what
+it starts. For several machines, export `SUBNET` on each. With `ROS_SECURITY_ENABLE=true` nothing starts where ROS 2
+comes from wheels, which have no DDS security ([security.md](security.md)).
 
 ## The run: orchestrator
 
