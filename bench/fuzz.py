@@ -34,7 +34,7 @@ from std_srvs.srv import Trigger
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.core.storage import Repertoire
 
-RUN = {"evaluations": 10**7, "replay_size": 5000, "evaluators": 2}
+RUN = {"evaluations": 10**7, "replay_size": 5000, "evaluators": 1}
 
 
 def fuzz_a_run(folder: Path, cases: int, seed: int) -> dict[str, Any]:

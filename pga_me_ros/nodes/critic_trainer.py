@@ -123,6 +123,10 @@ class CriticTrainerNode(GraphNode):
     def _greedy_start(self, request: Train.Request) -> NDArray[np.float32] | None:
         """Return the (P,) controller that the greedy one starts at, None for a random start."""
         if self._settings.greedy_init != "best":
+            if len(request.greedy):
+                raise RequestError(
+                    "A controller is given, but in this run the greedy one starts at random; send none."
+                )
             return None
         count = controller_shape(self._spec, self._settings).parameter_count
         return shaped(request.greedy, (count,), np.float32, "greedy").copy()
