@@ -189,7 +189,7 @@ def test_episodes_that_a_bad_link_loses_are_fetched_again_and_doubles_dropped(
     graph.start("evaluator", {"task": "qd_walker"}, *remapped)
     signs = probe.listen(NodeStatus, names.STATUS, qos.STATUS)
     wait_until(lambda: any(s.node == "/far" for s in signs), "the evaluator behind the bad link")
-    run_dir, parameters = tmp_path / "run", {"evaluations": 80}
+    run_dir, parameters = tmp_path / "run", {"evaluations": 50}
     run = graph.run(run_dir, **parameters)
     assert run.wait() == 0, run.output
     assert lost
