@@ -63,7 +63,10 @@ def fuzz_a_run(folder: Path, cases: int, seed: int) -> dict[str, Any]:
 
             fuzzer.fuzz(cases, watch)
             took = time.monotonic() - began[0]
+            memory.append({name: resident(pid) for name, pid in nodes.items()})
             wrong = fuzzer.wrong + deaths(run_dir, before, run.process.poll())
+            for words in wrong:
+                print(f"WRONG: {words}", flush=True)
             seen = fuzzer.generation
             wait_until(lambda: fuzzer.generation > seen, "another generation")
             probe.call(Trigger, "orchestrator/stop")
@@ -116,8 +119,6 @@ def main() -> int:
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         figures = fuzz_a_run(Path(folder), arguments.cases, arguments.seed)
-        for words in figures["wrong"][:20]:
-            print(f"WRONG: {words}")
     figures["wrong"] = len(figures["wrong"])
     print(json.dumps({"bench": "fuzz", "figures": figures}))
     return 1 if figures["wrong"] else 0

@@ -34,7 +34,7 @@ def _shielded(name: str, callback: Callback, refused: Callable[[str], None]) -> 
     def answer(request: Any, response: Any) -> Any:
         fresh = type(response)
         try:
-            _require_known_types(request)
+            _require_sound(request)
             return callback(request, response)
         except Exception as error:  # whatever rclpy did not expect
             reason = printable(f"{type(error).__name__}: {error}")
@@ -44,14 +44,17 @@ def _shielded(name: str, callback: Callback, refused: Callable[[str], None]) -> 
     return answer
 
 
-def _require_known_types(request: Any) -> None:
-    """Refuse parameters of unknown type before any of the request is carried out.
+def _require_sound(request: Any) -> None:
+    """Refuse parameters of unknown type, or without a name, before any of the request is carried out.
 
     Raises:
         TypeError: One has no type that ROS 2 knows.
+        ValueError: One has no name; rclpy would keep it.
     """
     if isinstance(request, (SetParameters.Request, SetParametersAtomically.Request)):
         for parameter in request.parameters:
+            if not parameter.name:
+                raise ValueError("a parameter has no name")
             if parameter.value.type not in KNOWN_TYPES:
                 raise TypeError(
                     f"parameter '{parameter.name}' has type {parameter.value.type}; expected 0 to "
