@@ -31,15 +31,15 @@ setup(
     package_data={f"{PACKAGE}.ros": ["*.xml"]},
     # What the nodes import is declared in package.xml, and pinned in requirements/run.txt.
     install_requires=["setuptools"],
-    # What one format of `export` takes.
-    extras_require={"onnx": ["onnx"]},
+    # What one format of `export` takes, and what recordings take.
+    extras_require={"onnx": ["onnx"], "record": ["rosbags"]},
     entry_points={
         "console_scripts": [f"{name} = {PACKAGE}.{module}:main" for name, module in MODULES.items()]
     },
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
-        (f"share/{PACKAGE}/config", sorted(glob("config/*.yaml"))),
+        (f"share/{PACKAGE}/config", sorted(glob("config/*"))),
         (f"lib/{PACKAGE}", [f"resource/executables/{name}" for name in EXECUTABLES]),
     ],
     zip_safe=False,
