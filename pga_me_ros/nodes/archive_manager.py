@@ -21,7 +21,7 @@ from pga_me_ros.core.schedule import evaluation_ids, sample_parents
 from pga_me_ros.core.setting_field import setting
 from pga_me_ros.core.settings import RATES, Settings
 from pga_me_ros.core.storage import Repertoire
-from pga_me_ros.nodes.heatmap_topic import HeatmapTopic
+from pga_me_ros.nodes.heatmap_topic import ArchivePictures
 from pga_me_ros.nodes.options import RunOptions
 from pga_me_ros.nodes.repertoire_services import RepertoireServices
 from pga_me_ros.ros import names, qos
@@ -77,7 +77,7 @@ class ArchiveManager(GraphNode):
         self._metrics = generations[-1].metrics if generations else None
         self._table = MetricsFile(path.with_name(METRICS_FILE))
         self._metrics_topic = self.create_publisher(MetricsMsg, names.METRICS, qos.LATCHED)
-        self._heatmap = HeatmapTopic(self, self._archive)
+        self._pictures = ArchivePictures(self, self._archive)
         self._readers = RepertoireServices(self, self._info, self._archive, self._grow, path)
         if self._grow:
             self._table.rebuild(generations)
@@ -141,7 +141,7 @@ class ArchiveManager(GraphNode):
         """Forget what could not be committed: what is served is what is stored."""
         self._archive = self._file.load_archive()
         self._readers.archive = self._archive
-        self._heatmap.changed(self._archive)
+        self._pictures.changed(self._archive)
 
     def _metrics_of(self, generation: int) -> Metrics | None:
         if generation == self._last_generation:
@@ -206,7 +206,7 @@ class ArchiveManager(GraphNode):
         """Show the archive as it is now to whoever watches."""
         self._readers.metrics = self._metrics_msg(self._metrics)
         self._metrics_topic.publish(self._readers.metrics)
-        self._heatmap.changed(self._archive)
+        self._pictures.changed(self._archive)
 
     def _metrics_msg(self, metrics: Metrics | None) -> MetricsMsg:
         msg = metrics_to_msg(metrics, self._info, self._archive.cells)

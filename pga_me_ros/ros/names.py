@@ -8,6 +8,7 @@ LIST_BEHAVIORS = "repertoire/list_behaviors"
 GET_INFO = "repertoire/get_info"
 METRICS = "repertoire/metrics"
 HEATMAP = "repertoire/heatmap"
+GRID = "repertoire/grid"
 
 TRANSITIONS = "experience/transitions"
 SNAPSHOT = "critic/snapshot"

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from graph import Graph, wait_until
+from nav_msgs.msg import OccupancyGrid
 from pga_me_msgs.msg import Metrics
 from pga_me_msgs.srv import AddToArchive, GetBehavior, GetInfo, SampleParents
 from sensor_msgs.msg import Image
@@ -161,11 +162,13 @@ def test_metrics_and_picture_follow_the_archive(tmp_path: Path) -> None:
     with served(tmp_path, generations=1, grow=True) as growing:
         metrics = growing.probe.listen(Metrics, "repertoire/metrics", qos.LATCHED)
         pictures = growing.probe.listen(Image, "repertoire/heatmap", qos.LATCHED)
-        wait_until(lambda: bool(metrics and pictures), "the first metrics and picture")
-        seen = len(pictures)
+        maps = growing.probe.listen(OccupancyGrid, "repertoire/grid", qos.LATCHED)
+        wait_until(lambda: bool(metrics and pictures and maps), "the first metrics and pictures")
+        seen, first = len(pictures), maps[-1].data
         growing.probe.call(AddToArchive, ADD, **generation_1())
         wait_until(lambda: metrics[-1].generation == 1, "metrics of the second generation")
         wait_until(lambda: pictures[-1].data != pictures[seen - 1].data, "a new picture")
+        wait_until(lambda: maps[-1].data != first, "a new map")
 
 
 def test_a_generation_can_be_asked_for_as_soon_as_it_is_in(tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from graph import Graph, Probe, wait_until
+from nav_msgs.msg import OccupancyGrid
 from pga_me_msgs.msg import Metrics
 from pga_me_msgs.srv import GetBehavior, GetInfo, ListBehaviors
 from sensor_msgs.msg import Image
@@ -227,6 +228,23 @@ def test_the_picture_reaches_those_who_come_late(repertoire: Served, profile: st
     assert heard[0].encoding == "rgb8"
     # More colours than that of empty cells.
     assert len(np.unique(picture.reshape(-1, 3), axis=0)) > 5
+
+
+def test_the_map_shows_each_elite_in_its_place(repertoire: Served) -> None:
+    heard = repertoire.probe.listen(OccupancyGrid, "repertoire/grid", qos.LATCHED)
+    wait_until(lambda: bool(heard), "a map")
+    info, archive = heard[0].info, repertoire.archive
+    assert (heard[0].header.frame_id, info.origin.position.x) == ("repertoire", 0.0)
+    assert info.width * info.resolution == pytest.approx(1.0)
+    # Its first cells are those of the least second descriptor.
+    values = np.array(heard[0].data, np.int8).reshape(info.height, info.width)
+    rows, columns = np.indices(values.shape)
+    centres = (np.stack([columns.ravel(), rows.ravel()], axis=1) + 0.5) * info.resolution
+    fitness = archive.fitness[archive.cell_of(centres)]
+    worst, best = archive.fitness[archive.filled].min(), archive.fitness[archive.filled].max()
+    share = (fitness - worst) / (best - worst)
+    expected = np.where(np.isnan(share), -1, np.rint(100 * np.nan_to_num(share)))
+    assert np.array_equal(values.ravel(), expected)
 
 
 def test_a_finished_file_has_no_services_of_the_loop(repertoire: Served) -> None:
