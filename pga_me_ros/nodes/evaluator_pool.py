@@ -59,7 +59,7 @@ class EvaluatorPool:
         self._lock = threading.RLock()
         self._workers: dict[str, Worker] = {}
         self._clients: dict[str, Client] = {}
-        self._warned: set[tuple[str, str, int]] = set()
+        self._warned: set[int] = set()
         self._dead: set[tuple[str, int]] = set()
         self._queue: deque[int] = deque()
         self._parameters: dict[int, NDArray[np.float32]] = {}
@@ -215,8 +215,9 @@ class EvaluatorPool:
         return False
 
     def _warn_once(self, who: tuple[str, str, int], text: str) -> None:
-        if who not in self._warned and len(self._warned) < MOST_WARNINGS:
-            self._warned.add(who)
+        key = hash(who)  # a stranger's name may be of any length
+        if key not in self._warned and len(self._warned) < MOST_WARNINGS:
+            self._warned.add(key)
             self._node.get_logger().warning(printable(text))
 
     def _put_back(self, chunk: Chunk) -> None:

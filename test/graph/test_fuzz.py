@@ -15,7 +15,7 @@ from pga_me_ros.core.settings import Settings
 from pga_me_ros.core.storage import Repertoire
 from pga_me_ros.ros import names, qos
 
-CASES = 400
+CASES = 300
 
 
 def test_whatever_is_sent_a_run_refuses_it_and_is_what_it_would_have_been(
