@@ -42,6 +42,8 @@ def run_node(program: Program, make: Callable[[], Node], args: list[str] | None 
     except (KeyboardInterrupt, ExternalShutdownException):
         return 0
     except Exception as error:
+        if running and isinstance(error, RCLError) and not rclpy.ok():
+            return 0  # a signal shut ROS 2 down while the executor was between two waits
         return report(error, starting=not running)
     finally:
         if node is not None:
