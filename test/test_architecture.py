@@ -23,7 +23,9 @@ MAY_IMPORT = {
     "reevaluate": {"core", "tasks", "reevaluate"},
     "player": {"core", "tasks", "player", "client"},
     "render": {"core", "tasks", "player", "render"},
-    "nodes": {"core", "tasks", "ros", "nodes", "client", "player"},
+    "recording": {"core", "tasks", "ros", "recording"},
+    "replay": {"core", "tasks", "ros", "recording", "replay"},
+    "nodes": {"core", "tasks", "ros", "nodes", "client", "player", "recording"},
 }
 ONLY_DATA_OF_TASKS = {"protocol", "rollout", "spec"}
 """What core may know of tasks: what a task is and what an episode is, not which there are."""

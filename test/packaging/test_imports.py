@@ -55,6 +55,8 @@ def test_core_and_tasks_know_no_ros(folder: str) -> None:
         ("pga_me_ros.client", {"torch", "pybullet"}),
         ("pga_me_ros.nodes.behavior_player", {"torch", "pybullet", "PIL"}),
         ("pga_me_ros.render.__main__", {"torch", "pybullet", "PIL", "rclpy"}),
+        ("pga_me_ros.nodes.record", {"torch", "pybullet", "rosbags"}),
+        ("pga_me_ros.replay.__main__", {"torch", "pybullet", "rosbags"}),
         ("pga_me_ros.tasks.registry", {"torch", "pybullet"}),
     ],
 )

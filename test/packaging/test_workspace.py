@@ -22,9 +22,10 @@ NODES = [
     "critic_trainer",
     "evaluator",
     "orchestrator",
+    "record",
     "variation",
 ]
-PROGRAMS = ["export", "reevaluate", "render", "report"]
+PROGRAMS = ["export", "reevaluate", "render", "replay", "report"]
 
 TINY_RUN = {
     "evaluations": "24",

@@ -1,0 +1,16 @@
+"""Parameters of the recorder."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from pga_me_ros.core.setting_field import setting
+
+
+@dataclass(frozen=True)
+class RecorderSettings:
+    """What is recorded where."""
+
+    bag: str = setting(
+        "", "Folder of the recording, which must not exist; empty for recording- and the time."
+    )

@@ -1,0 +1,189 @@
+"""``ros2 run pga_me_ros replay BAG``: what was recorded trains critics, restores a run, or is published again."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import signal
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from pga_me_ros.core.errors import PgaError, RequestError, SettingsError
+from pga_me_ros.core.run_directory import REPERTOIRE
+from pga_me_ros.core.settings import Settings
+from pga_me_ros.core.storage import Repertoire
+from pga_me_ros.recording.episodes import RecordedRun, recorded_run
+from pga_me_ros.recording.gaps import ranges
+from pga_me_ros.replay.publishing import publish
+from pga_me_ros.replay.restoring import restore_experience
+from pga_me_ros.tasks.registry import task_spec
+
+ROS_ARGS = "--ros-args"
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Do with a recording what the command line asks for, and say what was done.
+
+    Args:
+        args: Command line without the program's name, None for the process's own.
+
+    Returns:
+        Exit status: 0; 2 when it could not be done; 130 after Ctrl-C.
+    """
+    given = list(sys.argv[1:] if args is None else args)
+    cut = given.index(ROS_ARGS) if ROS_ARGS in given else len(given)
+    asked = _parser().parse_args(given[:cut])
+    try:
+        if asked.publish:
+            print(publish(asked.bag, asked.rate, asked.wait, given[cut:]))
+        elif asked.into:
+            print(restore_experience(asked.bag, asked.into))
+        else:
+            print(train(asked))
+    except KeyboardInterrupt:
+        print("stopped", file=sys.stderr)
+        return 128 + signal.SIGINT
+    except (PgaError, OSError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    return 0
+
+
+def train(asked: argparse.Namespace) -> str:
+    """Train critics as a parsed command line says.
+
+    Returns:
+        What came of it, in words.
+
+    Raises:
+        PgaError: The recording or a setting is not what it has to be.
+    """
+    recorded = recorded_run(asked.bag, asked.run_id)
+    settings = _settings(asked, recorded)
+    _require_sound(recorded, settings, asked)
+    spec = task_spec(settings.task)
+    from pga_me_ros.replay.training import train_critics  # torch takes seconds: not for an error
+
+    done = train_critics(recorded, spec, settings, asked.out)
+    first, last = done["evaluations"]
+    return (
+        f"trained {done['steps']} steps on {done['transitions']} transitions of {done['episodes']} episodes "
+        f"(evaluations {first} to {last}): critic loss {done['critic_loss']:.4g}, mean Q {done['mean_q']:.4g}; "
+        f"in '{asked.out}'"
+    )
+
+
+def _settings(asked: argparse.Namespace, recorded: RecordedRun) -> Settings:
+    """Return the settings of the training: defaults or a run's, and what the command line says.
+
+    Raises:
+        SettingsError: A value is wrong.
+        StorageError: The run cannot be read.
+    """
+    changes: dict[str, Any] = dict(_assignment(text) for text in asked.set)
+    if asked.task:
+        changes["task"] = asked.task
+    if asked.like:
+        with Repertoire.open(asked.like / REPERTOIRE, read_only=True) as repertoire:
+            base = dict(repertoire.info.settings)
+    else:
+        base = {"task": recorded.task}
+    settings = Settings.from_mapping({**base, **changes, "n_crit": asked.steps})
+    if settings.greedy_init != "random":
+        raise SettingsError(
+            f"greedy_init is '{settings.greedy_init}', but there is no archive here; add --set greedy_init=random."
+        )
+    return settings
+
+
+def _assignment(text: str) -> tuple[str, Any]:
+    name, equals, value = text.partition("=")
+    if not equals:
+        raise SettingsError(f"--set {text} has no value; write --set NAME=VALUE.")
+    try:
+        parsed = yaml.safe_load(value)
+    except yaml.YAMLError:
+        raise SettingsError(f"--set {text} has no value that YAML knows.") from None
+    if isinstance(parsed, str):  # YAML takes 1e-4 for a word
+        with contextlib.suppress(ValueError):
+            parsed = float(parsed)
+    return name, tuple(parsed) if isinstance(parsed, list) else parsed
+
+
+def _require_sound(recorded: RecordedRun, settings: Settings, asked: argparse.Namespace) -> None:
+    """Make sure that the recording is of the task and complete, or say what is not.
+
+    Raises:
+        RequestError: It is of another task, or episodes are missing that were not said to be.
+    """
+    if recorded.task != settings.task:
+        raise RequestError(
+            f"'{asked.bag}' was recorded with task '{recorded.task}', the critics are to be for '{settings.task}'; "
+            "leave out --task and --like, or give those of that task."
+        )
+    if recorded.differing:
+        print(
+            f"note: {len(recorded.differing)} evaluations were recorded with different outcomes, as when a generation "
+            f"is done again; the last ones count: {ranges(recorded.differing)}",
+            file=sys.stderr,
+        )
+    if recorded.missing:
+        lost = (
+            f"{len(recorded.missing)} episodes are missing: evaluations {ranges(recorded.missing)}"
+        )
+        if not asked.incomplete:
+            raise RequestError(
+                f"'{asked.bag}' is not complete; {lost}. --incomplete trains on what is there."
+            )
+        print(f"note: {lost}", file=sys.stderr)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="replay",
+        description="Use a recording of a run's experience: train critics on it, restore the experience files that the "
+        "run has lost, or publish its messages again.",
+    )
+    parser.add_argument("bag", type=Path, metavar="BAG", help="folder that `record` made")
+    what = parser.add_mutually_exclusive_group(required=True)
+    what.add_argument(
+        "--out",
+        type=Path,
+        metavar="FOLDER",
+        help="train critics, and write them into this new folder",
+    )
+    what.add_argument(
+        "--into", type=Path, metavar="RUN", help="restore lost experience files of this run"
+    )
+    what.add_argument(
+        "--publish", action="store_true", help=f"publish; ROS arguments follow after {ROS_ARGS}"
+    )
+    training = parser.add_argument_group("training")
+    training.add_argument("--steps", type=int, default=3000, metavar="N", help="(3000)")
+    training.add_argument("--task", default="", help="refuse a recording of any other task")
+    training.add_argument(
+        "--like", type=Path, metavar="RUN", help="take the settings of this run, not the defaults"
+    )
+    training.add_argument(
+        "--set", action="append", default=[], metavar="NAME=VALUE", help="a setting, such as seed=3"
+    )
+    training.add_argument("--run-id", default="", metavar="ID", help="run, where there are several")
+    training.add_argument(
+        "--incomplete", action="store_true", help="train although episodes are missing"
+    )
+    publishing = parser.add_argument_group("publishing")
+    publishing.add_argument(
+        "--rate", type=float, default=1.0, help="times as fast as recorded; 0: without pauses (1)"
+    )
+    publishing.add_argument(
+        "--wait", type=float, default=5.0, metavar="SECONDS", help="for a listener, at most (5)"
+    )
+    return parser
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,97 @@
+"""Recorded messages published again, in the order and at the pace in which they came."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+import rclpy
+from pga_me_msgs.msg import Metrics, Progress, Transitions
+from rclpy.duration import Duration
+from rclpy.publisher import Publisher
+from rclpy.qos import QoSProfile
+from rclpy.signals import SignalHandlerOptions
+
+from pga_me_ros.core.errors import RequestError
+from pga_me_ros.recording.bag import read_bag, topics
+from pga_me_ros.recording.definitions import type_name
+from pga_me_ros.ros import qos
+from pga_me_ros.ros.command_line import Program, start
+
+OFFERED: dict[str, tuple[type, QoSProfile]] = {
+    type_name(Transitions): (Transitions, qos.EXPERIENCE_WRITER),
+    type_name(Metrics): (Metrics, qos.LATCHED),
+    type_name(Progress): (Progress, qos.LATCHED),
+}
+"""What is published, by type, and what is offered."""
+
+LOOK = 0.02
+"""Seconds between two looks at whether somebody listens."""
+
+LINGER = 10.0
+"""Seconds that a listener gets to take the last messages."""
+
+PROGRAM = Program("replay", "Publishes recorded messages again.", ())
+
+
+def publish(bag: Path, rate: float, wait: float, ros_args: Sequence[str]) -> str:
+    """Publish a recording's messages, byte for byte, on the topics that they came from.
+
+    Args:
+        bag: The recording.
+        rate: How many times as fast as they came; 0 for without pauses.
+        wait: Seconds to wait for somebody who listens to the experience, where there is some.
+        ros_args: ``--ros-args`` and what follows, for example to remap topics.
+
+    Returns:
+        What was published, in words.
+
+    Raises:
+        StorageError: It is no recording, or damaged.
+        RequestError: A number makes no sense, or there is nothing to publish.
+        SettingsError: A ROS argument is wrong.
+    """
+    if not (0 <= rate < float("inf") and 0 <= wait < float("inf")):
+        raise RequestError(f"--rate is {rate} and --wait {wait}; give 0 or more.")
+    known = {topic: kind for topic, kind in topics(bag).items() if kind in OFFERED}
+    if not known:
+        raise RequestError(f"'{bag}' holds nothing that `record` records: {', '.join(OFFERED)}.")
+    start(PROGRAM, ros_args, signal_handler_options=SignalHandlerOptions.NO)
+    node = rclpy.create_node("replay")
+    try:
+        publishers = {
+            topic: node.create_publisher(OFFERED[kind][0], topic, OFFERED[kind][1])
+            for topic, kind in known.items()
+        }
+        _await_listener(
+            [publishers[t] for t, k in known.items() if k == type_name(Transitions)], wait
+        )
+        count, seconds = _publish_all(bag, publishers, rate)
+        for publisher in publishers.values():
+            publisher.wait_for_all_acked(Duration(seconds=LINGER))
+    finally:
+        node.destroy_node()
+        rclpy.try_shutdown()
+    return f"published {count} messages in {seconds:.1f} s on {', '.join(known)}"
+
+
+def _await_listener(publishers: Sequence[Publisher], wait: float) -> None:
+    latest = time.monotonic() + wait
+    while publishers and time.monotonic() < latest:
+        if any(publisher.get_subscription_count() for publisher in publishers):
+            return
+        time.sleep(LOOK)
+
+
+def _publish_all(bag: Path, publishers: dict[str, Publisher], rate: float) -> tuple[int, float]:
+    """Return how many messages were published, and the seconds that it took."""
+    began, first, count = time.monotonic(), 0, 0
+    for message in read_bag(bag, OFFERED):
+        first = first or message.time
+        if rate:
+            due = began + 1e-9 * (message.time - first) / rate
+            time.sleep(max(0.0, due - time.monotonic()))
+        publishers[message.topic].publish(message.data)
+        count += 1
+    return count, time.monotonic() - began

@@ -1,0 +1,80 @@
+"""A run's experience restored from a recording of it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from pga_me_ros.core.errors import RequestError, StorageError
+from pga_me_ros.core.experience import Experience
+from pga_me_ros.core.file_lock import FileLock
+from pga_me_ros.core.generation_files import generations_of
+from pga_me_ros.core.run_directory import LOCK, REPERTOIRE
+from pga_me_ros.core.schedule import evaluation_ids
+from pga_me_ros.core.settings import Settings
+from pga_me_ros.core.storage import Repertoire
+from pga_me_ros.recording.episodes import recorded_run
+from pga_me_ros.recording.gaps import ranges
+from pga_me_ros.tasks.registry import task_spec
+
+FOLDER = "experience"
+
+SPARE = 2
+"""Generations older than the replay buffer that a run keeps."""
+
+
+def restore_experience(bag: Path, run: Path) -> str:
+    """Write the experience files that a run needs and has lost; each is what it was, byte for byte.
+
+    Args:
+        bag: Recording of that run.
+        run: Its folder.
+
+    Returns:
+        What was done, in words.
+
+    Raises:
+        StorageError: The run cannot be read or is in use, or the recording is damaged or not that of the run.
+        RequestError: The recording lacks what is missing.
+    """
+    with Repertoire.open(run / REPERTOIRE, read_only=True) as repertoire:
+        info = repertoire.info
+        steps = [generation.metrics.steps for generation in repertoire.generations()]
+    settings = Settings.from_mapping(info.settings)
+    lost = _lost(run, settings, steps)
+    if not lost:
+        return f"'{run}' has all the experience that it needs"
+    recorded = recorded_run(bag, info.run_id)
+    wanted = {k for generation in lost for k in evaluation_ids(settings, generation)}
+    heads = [head for head in recorded.heads if head.evaluation in wanted]
+    if absent := sorted(wanted - {head.evaluation for head in heads}):
+        raise RequestError(
+            f"'{bag}' lacks {len(absent)} episodes of the generations that the run has lost: evaluations "
+            f"{ranges(absent)}."
+        )
+    lock = FileLock(run / LOCK)
+    try:
+        experience = Experience(run / FOLDER, settings)
+        for generation, episodes in recorded.episodes(heads, task_spec(settings.task)):
+            found = sum(episode.length for episode in episodes.values())
+            if found != steps[generation]:
+                raise StorageError(
+                    f"Generation {generation} has {found} steps in '{bag}', but {steps[generation]} in the run: it was "
+                    "done again after it was recorded."
+                )
+            for evaluation, episode in episodes.items():
+                experience.stage(generation, evaluation, episode)
+            experience.store(generation)
+    finally:
+        lock.release()
+    return f"restored the experience of {len(lost)} generations of '{run}': {ranges(lost)}"
+
+
+def _lost(run: Path, settings: Settings, steps: Sequence[int]) -> list[int]:
+    """Return the generations whose experience a run keeps but has no file of, ascending."""
+    first, transitions = len(steps), 0
+    while first and transitions < settings.replay_size:
+        first -= 1
+        transitions += steps[first]
+    there = set(generations_of(run / FOLDER, FOLDER))
+    return [g for g in range(max(0, first - SPARE), len(steps)) if g not in there]

@@ -1,0 +1,92 @@
+"""Critics trained on recorded experience alone."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pga_me_ros.core.critic_checkpoint import CriticCheckpoints
+from pga_me_ros.core.errors import StorageError
+from pga_me_ros.core.folders import make_folder
+from pga_me_ros.core.learner import Learner
+from pga_me_ros.core.repertoire_arrays import FORMAT, LAYOUT, save_arrays, save_bytes
+from pga_me_ros.core.run_info import library_versions
+from pga_me_ros.core.schedule import TrainingOrder
+from pga_me_ros.core.settings import Settings
+from pga_me_ros.core.snapshot import Snapshot
+from pga_me_ros.recording.episodes import RecordedRun
+from pga_me_ros.tasks.spec import TaskSpec
+
+STATISTICS = "statistics.json"
+GREEDY = "greedy.npz"
+
+_ABOUT = ("observation_names", "observation_units", "action_names", "action_units")
+
+
+def train_critics(
+    recorded: RecordedRun, spec: TaskSpec, settings: Settings, out: Path
+) -> dict[str, Any]:
+    """Train critics and a greedy controller for n_crit steps on a recording, as a run's own are trained (Alg. 4).
+
+    The outcome is a function of the episodes, the settings and the library versions, bit for bit: episodes enter the
+    replay buffer in evaluation order, and all draws are those of the generation after the last recorded one.
+
+    Args:
+        recorded: The recording; what is older than `replay_size` transitions does not count.
+        spec: Its task.
+        settings: Seed, layers, rates and number of steps.
+        out: New or empty folder: the critics as a run's checkpoint, the greedy controller as a file that ``start_from``
+            takes, and what is returned.
+
+    Returns:
+        What was trained on what, and how it ended, fit for JSON.
+
+    Raises:
+        StorageError: The recording is damaged, or the folder holds something or cannot be written.
+        NetworkError: The training diverged.
+        SettingsError: The device cannot be used here.
+    """
+    if out.exists() and (not out.is_dir() or any(out.iterdir())):
+        raise StorageError(f"'{out}' is there already and not an empty folder; give another --out.")
+    make_folder(out)
+    learner = Learner(spec, settings)
+    heads = recorded.newest(settings.replay_size)
+    for generation, episodes in recorded.episodes(heads, spec):
+        learner.add(generation, episodes.values())
+    order = TrainingOrder.of(learner.newest + 1, learner.newest, settings)
+    snapshot = learner.train(settings, order.generation)
+    CriticCheckpoints(out).save(order, snapshot, learner.state())
+    save_arrays(out / GREEDY, _controller(snapshot, spec))
+    statistics = {
+        "run_id": recorded.run_id,
+        "task": spec.name,
+        "episodes": len(heads),
+        "evaluations": [heads[0].evaluation, heads[-1].evaluation],
+        "missing": len(recorded.missing),
+        "transitions": snapshot.transitions,
+        "steps": settings.n_crit,
+        "critic_loss": snapshot.critic_loss,
+        "mean_q": snapshot.mean_q,
+        "settings": settings.to_dict(),
+        "versions": library_versions(),
+    }
+    save_bytes(out / STATISTICS, json.dumps(statistics, indent=2).encode() + b"\n")
+    return statistics
+
+
+def _controller(snapshot: Snapshot, spec: TaskSpec) -> dict[str, np.ndarray]:
+    """Return the greedy controller as arrays of an exported repertoire, as far as they are known of it."""
+    sizes = snapshot.greedy_shape.sizes
+    about = spec.to_json()
+    return {
+        "format": np.array(FORMAT),
+        "task": np.array(spec.name),
+        "parameters": snapshot.greedy[None],
+        "layer_sizes": np.array(sizes, np.int64),
+        "activations": np.array(["relu"] * (len(sizes) - 2) + ["tanh"]),
+        "layout": np.array(LAYOUT),
+        **{name: np.array(about[name]) for name in _ABOUT},
+    }

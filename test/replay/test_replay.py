@@ -1,0 +1,186 @@
+"""Critics trained on recordings: those that a run would have trained, and nothing is guessed."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from recorded import BATCH, COUNT, EPISODES, RUN, SPEC, shuffled, transitions, write
+
+from pga_me_ros.core.critic_checkpoint import CriticCheckpoints
+from pga_me_ros.core.learner import Learner
+from pga_me_ros.core.policy import controller_shape
+from pga_me_ros.core.settings import Settings
+from pga_me_ros.core.start_from import read_controllers
+from pga_me_ros.recording.episodes import recorded_run
+from pga_me_ros.replay.__main__ import main
+
+SMALL = {
+    "task": "qd_hopper",
+    "seed": 3,
+    "controller_hidden": (8, 8),
+    "critic_hidden": (16, 16),
+    "transition_batch": 32,
+    "critic_learning_rate": 1e-3,
+}
+OPTIONS = [
+    word
+    for name, value in SMALL.items()
+    for word in ("--set", f"{name}={list(value) if isinstance(value, tuple) else value}")
+]
+STEPS = 15
+
+
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write(tmp_path_factory.mktemp("recording") / "bag", shuffled())
+
+
+def learned(settings: Settings, evaluations: range = range(COUNT)) -> dict[str, np.ndarray]:
+    """Return the state of a learner that was fed by hand."""
+    learner = Learner(SPEC, settings)
+    for generation in range(COUNT // BATCH):
+        ids = range(generation * BATCH, (generation + 1) * BATCH)
+        learner.add(generation, [EPISODES[k] for k in ids if k in evaluations])
+    learner.train(settings, COUNT // BATCH)
+    return learner.state()
+
+
+def replayed(bag: Path, out: Path, *options: str) -> dict[str, np.ndarray]:
+    """Return the state that `replay` stored."""
+    assert main([str(bag), "--out", str(out), "--steps", str(STEPS), *OPTIONS, *options]) == 0
+    found = CriticCheckpoints(out).before(COUNT)
+    assert found is not None
+    return found[1]
+
+
+def same(one: dict[str, np.ndarray], other: dict[str, np.ndarray]) -> bool:
+    return one.keys() == other.keys() and all(
+        one[name].tobytes() == other[name].tobytes() for name in one
+    )
+
+
+def test_critics_are_those_of_a_learner_with_the_same_episodes(bag: Path, tmp_path: Path) -> None:
+    settings = Settings.from_mapping({**SMALL, "n_crit": STEPS})
+    state = replayed(bag, tmp_path / "one")
+    assert same(state, learned(settings))
+    assert same(state, replayed(bag, tmp_path / "two"))
+    assert not same(state, replayed(bag, tmp_path / "three", "--set", "seed=4"))
+    written = {p.name: p.read_bytes() for p in (tmp_path / "one").iterdir()}
+    assert written == {p.name: p.read_bytes() for p in (tmp_path / "two").iterdir()}
+
+
+def test_a_small_replay_buffer_holds_the_newest_transitions(bag: Path, tmp_path: Path) -> None:
+    size = sum(EPISODES[k].length for k in (9, 10, 11)) - 5
+    settings = Settings.from_mapping({**SMALL, "n_crit": STEPS, "replay_size": size})
+    state = replayed(bag, tmp_path / "out", "--set", f"replay_size={size}")
+    assert same(state, learned(settings))
+    assert json.loads((tmp_path / "out" / "statistics.json").read_text())["evaluations"] == [9, 11]
+
+
+def test_what_was_trained_on_what_is_told(
+    bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    replayed(bag, tmp_path / "out")
+    count = sum(e.length for e in EPISODES.values())
+    assert f"trained 15 steps on {count} transitions of 12 episodes" in capsys.readouterr().out
+    told = json.loads((tmp_path / "out" / "statistics.json").read_text())
+    assert (told["run_id"], told["task"], told["transitions"]) == (RUN, "qd_hopper", count)
+    assert (told["episodes"], told["missing"], told["steps"]) == (12, 0, 15)
+    assert np.isfinite([told["critic_loss"], told["mean_q"]]).all()
+
+
+def test_a_run_can_start_from_the_greedy_controller(bag: Path, tmp_path: Path) -> None:
+    state = replayed(bag, tmp_path / "out")
+    shape = controller_shape(SPEC, Settings.from_mapping(SMALL))
+    controllers = read_controllers(tmp_path / "out" / "greedy.npz", SPEC, shape)
+    assert np.array_equal(controllers, state["greedy"])
+
+
+def test_settings_may_be_those_of_a_run(bag: Path, tmp_path: Path, hopper_run: Path) -> None:
+    out = tmp_path / "out"
+    assert main([str(bag), "--out", str(out), "--steps", "2", "--like", str(hopper_run)]) == 0
+    told = json.loads((out / "statistics.json").read_text())["settings"]
+    assert (told["seed"], told["controller_hidden"], told["n_crit"]) == (5, [16, 8], 2)
+
+
+def test_repeated_and_missing_episodes_are_counted(tmp_path: Path) -> None:
+    some = [k for k in range(COUNT) if k not in (2, 6, 7)]
+    messages = [transitions(k) for k in some] + [transitions(some[0])]
+    messages.append(transitions(4, EPISODES[5]))
+    recorded = recorded_run(write(tmp_path / "bag", messages))
+    assert [head.evaluation for head in recorded.heads] == some
+    assert (recorded.missing, recorded.repeated, recorded.differing) == ((2, 6, 7), 2, (4,))
+    (_, found), *_ = recorded.episodes([h for h in recorded.heads if h.evaluation == 4], SPEC)
+    assert found[4].fitness == EPISODES[5].fitness
+
+
+def test_an_incomplete_recording_trains_only_when_asked(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    some = range(2, COUNT)
+    bag = write(tmp_path / "bag", [transitions(k) for k in range(COUNT) if k not in (4, 5)])
+    assert main([str(bag), "--out", str(tmp_path / "out"), *OPTIONS]) == 2
+    told = capsys.readouterr().err
+    assert "2 episodes are missing: evaluations 4-5. --incomplete trains on what is" in told
+    assert not (tmp_path / "out").exists()
+    replayed(bag, tmp_path / "out", "--incomplete")
+    assert json.loads((tmp_path / "out" / "statistics.json").read_text())["episodes"] == 10
+    # What was before the recording began is not missing.
+    late = write(tmp_path / "late", [transitions(k) for k in some])
+    replayed(late, tmp_path / "other")
+
+
+def other_robot(k: int) -> bytes:
+    broken = EPISODES[k]
+    return transitions(k, type(broken)(**{**vars(broken), "states": broken.states[:, :-1]}))
+
+
+def not_finite(k: int) -> bytes:
+    broken = EPISODES[k]
+    return transitions(k, type(broken)(**{**vars(broken), "rewards": broken.rewards * np.nan}))
+
+
+@pytest.mark.parametrize(
+    ("messages", "options", "said"),
+    [
+        ([], [], "holds no experience"),
+        ([transitions(0)], ["--task", "qd_walker"], "recorded with task 'qd_hopper', the critics"),
+        (
+            [transitions(0)],
+            ["--run-id", "b"],
+            "no experience of run b; there is that of run-of-the",
+        ),
+        ([transitions(0), transitions(1, run_id="b")], [], "several runs: run-of-the-tests (1 ep"),
+        ([transitions(0), transitions(1, task="a")], [], "contradict each other"),
+        ([transitions(0, generation=1), transitions(1)], [], "contradict each other"),
+        ([transitions(0, task="a b")], [], "a b"),
+        ([transitions(0)[:150]], [], "cannot be used"),
+        ([other_robot(0)], [], "dimensions (14, 3, 1), task 'qd_hopper' has (15, 3, 1)"),
+        ([not_finite(0)], [], "holds NaN or infinity"),
+        ([transitions(0)], ["--steps", "0"], "n_crit"),
+        ([transitions(0)], ["--set", "sead=3"], "did you mean 'seed'"),
+        ([transitions(0)], ["--set", "seed"], "--set NAME=VALUE"),
+        ([transitions(0)], ["--set", "greedy_init=best"], "add --set greedy_init=random"),
+    ],
+)
+def test_what_cannot_be_trained_on_is_told_in_a_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], messages, options, said: str
+) -> None:
+    bag = write(tmp_path / "bag", messages, committed=1)
+    assert main([str(bag), "--out", str(tmp_path / "out"), *OPTIONS, *options]) == 2
+    told = capsys.readouterr().err
+    assert told.startswith("error: ")
+    assert said in told
+    assert told.count("\n") == 1
+
+
+def test_a_folder_with_something_in_it_is_refused(
+    bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "mine").touch()
+    assert main([str(bag), "--out", str(tmp_path), *OPTIONS]) == 2
+    assert "not an empty folder" in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ["mine"]
