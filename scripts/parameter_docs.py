@@ -7,6 +7,7 @@ from pga_me_ros.nodes.archive_manager import ArchiveManagerSettings
 from pga_me_ros.nodes.evaluator import EvaluatorSettings
 from pga_me_ros.nodes.options import ChildOptions, RunOptions
 from pga_me_ros.player.settings import PlayerSettings
+from pga_me_ros.recording.settings import RecorderSettings
 from pga_me_ros.ros.parameter_help import parameter_table
 
 PAGE = """\
@@ -53,6 +54,9 @@ comes from wheels, which have no DDS security ([security.md](security.md)).
 ## behavior_player
 
 {player}
+## record
+
+{recorder}
 ## critic_trainer, variation
 
 Started by the orchestrator, with the settings of the run and:
@@ -68,6 +72,7 @@ def page() -> str:
         evaluator=parameter_table(EvaluatorSettings),
         archive=parameter_table(ArchiveManagerSettings),
         player=parameter_table(PlayerSettings),
+        recorder=parameter_table(RecorderSettings),
         child=parameter_table(ChildOptions),
     )
 
