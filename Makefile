@@ -1,7 +1,7 @@
 # Every target sets up what is missing first; a set-up that is up to date costs a fraction of a second.
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help setup messages run test lint bench soak chaos fuzz two-hosts clean
+.PHONY: help setup messages run test lint docs bench soak chaos fuzz two-hosts clean
 
 # Settings for the command line:
 PYTHON ?=
@@ -34,6 +34,11 @@ test: setup ## Run all checks and tests
 
 lint: setup ## Run only the checks of style and types
 	@$(IN_VENV) exec python -m pytest -q test/packaging/test_lint.py
+
+docs: setup ## Write docs/parameters.md and docs/interface.md anew, build docs/ as a site into build/site
+	@$(IN_VENV) parameters=$$(python scripts/parameter_docs.py) && interface=$$(python scripts/interface_docs.py) && \
+	    echo "$$parameters" > docs/parameters.md && echo "$$interface" > docs/interface.md && \
+	    exec python -m mkdocs build --strict
 
 bench: setup ## Run the benchmarks
 	@$(IN_VENV) for name in $(BENCHES); do echo "== $$name"; python "bench/$$name.py" $(ARGS) || exit 1; done

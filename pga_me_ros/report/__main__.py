@@ -1,4 +1,4 @@
-"""``python -m pga_me_ros.report RUN...``: pictures and a table of stored runs."""
+"""``ros2 run pga_me_ros report RUN...``: archive, lineage and learning curves of stored runs, and a table."""
 
 from __future__ import annotations
 
@@ -41,7 +41,9 @@ def main() -> int:
     """Draw the pictures, print the table."""
     parser = argparse.ArgumentParser(prog="report", description=__doc__)
     parser.add_argument("runs", nargs="+", type=Path, help="folders of runs, or repertoire files")
-    parser.add_argument("--out", type=Path, default=Path("report"), help="folder for the pictures")
+    parser.add_argument(
+        "--out", type=Path, default=Path("report"), help="folder for the pictures (report)"
+    )
     arguments = parser.parse_args()
     try:
         runs = [StoredRun.load(path) for path in arguments.runs]
@@ -58,11 +60,14 @@ def main() -> int:
 
 
 def draw(runs: list[StoredRun], folder: Path) -> list[Path]:
-    """Draw an archive per run and learning curves per task; returns the files."""
+    """Draw an archive and a lineage per run, and learning curves per task; returns the files."""
     # matplotlib takes a second to import: errors in what was asked for come first.
+    from pga_me_ros.report.lineage import draw_lineage
     from pga_me_ros.report.pictures import draw_archive, draw_curves
 
-    files = [file for run in runs for file in draw_archive(run, folder)]
+    files = []
+    for run in runs:
+        files += draw_archive(run, folder) + draw_lineage(run, folder)
     for task in dict.fromkeys(run.spec.name for run in runs):
         files += draw_curves([run for run in runs if run.spec.name == task], folder)
     return files

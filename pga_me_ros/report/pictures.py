@@ -44,7 +44,7 @@ def draw_archive(run: StoredRun, folder: Path) -> list[Path]:
     low, high = run.archive.low, run.archive.high
     extent = (low[0], high[0], *((low[1], high[1]) if len(low) > 1 else (0.0, 1.0)))
     axes.imshow(render(run.archive, PIXELS), extent=extent, aspect="auto", interpolation="nearest")
-    _label(axes, run)
+    label_axes(axes, run.spec.descriptor_names)
     last = run.metrics[-1]
     axes.set_title(
         f"{run.spec.name}: {last.coverage} of {run.archive.cells} cells after "
@@ -55,7 +55,7 @@ def draw_archive(run: StoredRun, folder: Path) -> list[Path]:
     colours = LinearSegmentedColormap.from_list("fitness", np.array(ANCHORS) / 255.0)
     scale = mpl.cm.ScalarMappable(Normalize(fitness.min(), fitness.max()), colours)
     figure.colorbar(scale, ax=axes, label="fitness (sum of rewards)")
-    return _save(figure, folder / f"{run.name}-archive")
+    return save(figure, folder / f"{run.name}-archive")
 
 
 def draw_curves(runs: Sequence[StoredRun], folder: Path) -> list[Path]:
@@ -83,12 +83,11 @@ def draw_curves(runs: Sequence[StoredRun], folder: Path) -> list[Path]:
         axes.spines[["top", "right"]].set_visible(False)
     many = f", median and quartiles of {len(runs)} runs" if len(runs) > 1 else ""
     figure.suptitle(f"{runs[0].spec.name}{many}", fontsize=10)
-    return _save(figure, folder / f"{runs[0].spec.name}-curves")
+    return save(figure, folder / f"{runs[0].spec.name}-curves")
 
 
-def _label(axes: Axes, run: StoredRun) -> None:
+def label_axes(axes: Axes, names: Sequence[str]) -> None:
     """Name the axes by the descriptors; of a map within a map, the outer one comes first."""
-    names = run.spec.descriptor_names
     axes.set_xlabel(_axis_label(names[0::2]))
     if len(names) > 1:
         axes.set_ylabel(_axis_label(names[1::2]))
@@ -105,7 +104,8 @@ def _axis_label(names: Sequence[str]) -> str:
     return f"{quantities[0]} of {text}" if quantities[0] and len(set(quantities)) == 1 else text
 
 
-def _save(figure: Figure, stem: Path) -> list[Path]:
+def save(figure: Figure, stem: Path) -> list[Path]:
+    """Write a figure in every format; returns the files."""
     files = [stem.with_name(f"{stem.name}.{kind}") for kind in FORMATS]
     for file in files:
         metadata = {"Date": None} if file.suffix == ".svg" else {}

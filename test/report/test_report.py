@@ -10,12 +10,13 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from pga_me_ros.core.elites import Solutions
+from pga_me_ros.core.elites import Operator, Solutions
 from pga_me_ros.core.metrics import Metrics, generation_metrics
 from pga_me_ros.core.run_directory import open_run
 from pga_me_ros.core.settings import RATES, Settings
 from pga_me_ros.core.storage import Repertoire
 from pga_me_ros.report.__main__ import draw, table
+from pga_me_ros.report.lineage import LOOKS, draw_lineage
 from pga_me_ros.report.pictures import draw_archive
 from pga_me_ros.report.stored_run import StoredRun
 from pga_me_ros.tasks.registry import task_spec
@@ -47,6 +48,7 @@ def stored(folder: Path, task: str, seed: int) -> Path:
                 fitness=rng.uniform(0, 100, 10),
                 descriptors=rng.random((10, spec.descriptor_dim)),
                 parameters=np.zeros((10, archive.parameter_count)),
+                operators=[Operator(generation)] * 10,
                 evaluations=range(10 * generation, 10 * generation + 10),
                 generation=generation,
             )
@@ -58,17 +60,31 @@ def stored(folder: Path, task: str, seed: int) -> Path:
     return path
 
 
+def test_the_lineage_has_the_colour_of_every_operator_that_left_an_elite(tmp_path: Path) -> None:
+    run = StoredRun.load(stored(tmp_path, "qd_walker", 1))
+    (_, svg) = draw_lineage(run, tmp_path)
+    made = {elite.operator for elite in run.archive.elites()}
+    assert made == {Operator.RANDOM, Operator.GA, Operator.PG}
+    drawing = svg.read_text()
+    assert {operator for operator, look in LOOKS.items() if look[1] in drawing} - {
+        Operator.GREEDY
+    } == made
+
+
 @pytest.mark.parametrize("task", TASKS)
 def test_pictures_of_one_run_show_something(task: str, tmp_path: Path) -> None:
     files = draw([StoredRun.load(stored(tmp_path, task, 1))], tmp_path)
     assert [file.name for file in files] == [
         f"{task}-1-archive.png",
         f"{task}-1-archive.svg",
+        f"{task}-1-lineage.png",
+        f"{task}-1-lineage.svg",
         f"{task}-curves.png",
         f"{task}-curves.svg",
     ]
-    picture = imread(files[0])
-    assert len(np.unique(picture.reshape(-1, picture.shape[-1]), axis=0)) > 20
+    for file in (files[0], files[2]):
+        picture = imread(file)
+        assert len(np.unique(picture.reshape(-1, picture.shape[-1]), axis=0)) > 20
 
 
 def test_the_table_has_every_run_and_the_median(tmp_path: Path) -> None:

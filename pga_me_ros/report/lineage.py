@@ -1,0 +1,74 @@
+"""Lineage: which operator made the elites of an archive, where they are, and when they were made."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from pga_me_ros.core.elites import Elite, Operator
+from pga_me_ros.report.pictures import label_axes, save
+from pga_me_ros.report.stored_run import StoredRun
+
+LOOKS = {
+    Operator.RANDOM: ("random", "#999999", "."),
+    Operator.GA: ("GA", "#e69f00", "^"),
+    Operator.PG: ("PG", "#0072b2", "o"),
+    Operator.GREEDY: ("greedy controller", "#000000", "*"),
+    Operator.IMPORTED: ("imported", "#cc79a7", "s"),
+}
+"""Name, colour and mark by operator: colours that the colour-blind tell apart (Okabe and Ito), and marks besides."""
+
+BARS = 40
+
+
+def draw_lineage(run: StoredRun, folder: Path) -> list[Path]:
+    """Draw where each operator's elites are in descriptor space, and when they were made.
+
+    Args:
+        run: The run.
+        folder: Where to.
+
+    Returns:
+        The files.
+    """
+    made: dict[Operator, list[Elite]] = {operator: [] for operator in LOOKS}
+    for elite in run.archive.elites():
+        made[elite.operator].append(elite)
+    made = {operator: elites for operator, elites in made.items() if elites}
+    figure = Figure(figsize=(9.6, 4.2), layout="constrained")
+    where, when = figure.subplots(1, 2)
+    _draw_where(where, run, made)
+    _draw_when(when, run, made)
+    shares = ", ".join(f"{len(elites)} {LOOKS[op][0]}" for op, elites in made.items())
+    figure.suptitle(f"{run.spec.name}: elites by what made them: {shares}", fontsize=10)
+    figure.legend(*where.get_legend_handles_labels(), loc="outside lower center", ncols=len(LOOKS))
+    return save(figure, folder / f"{run.name}-lineage")
+
+
+def _draw_where(axes: Axes, run: StoredRun, made: dict[Operator, list[Elite]]) -> None:
+    """One mark per elite: its first two descriptors, or its only one and its fitness."""
+    for operator, elites in made.items():
+        name, colour, mark = LOOKS[operator]
+        points = np.array([elite.descriptor for elite in elites])
+        y = points[:, 1] if points.shape[1] > 1 else np.array([e.fitness for e in elites])
+        size = 60 if operator is Operator.GREEDY else 12
+        axes.scatter(points[:, 0], y, s=size, color=colour, marker=mark, label=name, linewidth=0)
+    label_axes(axes, run.spec.descriptor_names[:2])
+    if run.archive.dimensions == 1:
+        axes.set_ylabel("fitness (sum of rewards)")
+
+
+def _draw_when(axes: Axes, run: StoredRun, made: dict[Operator, list[Elite]]) -> None:
+    edges = np.linspace(0, run.metrics[-1].evaluations, BARS + 1)
+    axes.hist(
+        [[elite.evaluation for elite in elites] for elites in made.values()],
+        bins=edges.tolist(),
+        stacked=True,
+        color=[LOOKS[operator][1] for operator in made],
+    )
+    axes.set_xlabel("made in evaluation")
+    axes.set_ylabel("elites of today's archive")
+    axes.spines[["top", "right"]].set_visible(False)

@@ -1,0 +1,168 @@
+"""Print docs/interface.md: ``python scripts/interface_docs.py > docs/interface.md``."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from rclpy.qos import DurabilityPolicy, QoSProfile
+
+from pga_me_ros.ros import names, qos
+
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGE = ROOT / "pga_me_ros"
+DEFINITIONS = ROOT / "msg_defs"
+OFFERS = {"create_publisher": "topic", "serve": "service", "create_service": "service"}
+
+STANDARD = {
+    "Clock": "rosgraph_msgs",
+    "DiagnosticArray": "diagnostic_msgs",
+    "Image": "sensor_msgs",
+    "JointState": "sensor_msgs",
+    "OccupancyGrid": "nav_msgs",
+    "Odometry": "nav_msgs",
+    "String": "std_msgs",
+    "TFMessage": "tf2_msgs",
+    "Trigger": "std_srvs",
+}
+"""Packages of the types that are not our own."""
+
+DRAWN = {"HEATMAP": "Image", "GRID": "OccupancyGrid"}
+"""Types of the topics that heatmap_topic.py makes by a loop."""
+
+PAGE = """\
+# Interface: topics, services and types
+
+<!-- Made by scripts/interface_docs.py from msg_defs, ros/names.py, ros/qos.py and the nodes; edit those. -->
+
+Names are relative unless they begin with `/`; `~` is the name of the node. All topics are reliable, "latched" ones are
+transient local: who comes late gets the newest. Services have the default quality of service of ROS 2.
+
+## Topics
+
+| topic | type | quality of service | published in |
+|---|---|---|---|
+{topics}
+## Services
+
+| service | type | served in |
+|---|---|---|
+{services}
+## Messages
+
+{messages}
+## Service types
+
+{service_types}"""
+
+
+@dataclass(frozen=True, order=True)
+class Offer:
+    """A topic that is published or a service that is served."""
+
+    name: str
+    kind: str
+    type_name: str
+    quality: str
+    file: str
+
+
+def offers() -> list[Offer]:
+    """Return what the nodes offer, as the calls in their sources say; sorted."""
+    found = set(_drawn())
+    for path in sorted(PACKAGE.rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute):
+                found.update(_offer(node, path))
+    return sorted(found)
+
+
+def _offer(call: ast.Call, path: Path) -> Iterator[Offer]:
+    kind = OFFERS.get(getattr(call.func, "attr", ""))
+    if kind is None or len(call.args) < 2 or not ast.unparse(call.args[1]).startswith("names."):
+        return
+    type_name, name = ast.unparse(call.args[0]).removesuffix("Msg"), ast.unparse(call.args[1])
+    quality = ast.unparse(call.args[2]) if kind == "topic" else ""
+    yield _made(name.removeprefix("names."), kind, type_name, quality.removeprefix("qos."), path)
+
+
+def _drawn() -> Iterator[Offer]:
+    path = PACKAGE / "nodes" / "heatmap_topic.py"
+    for constant, type_name in DRAWN.items():
+        if hasattr(names, constant):
+            yield _made(constant, "topic", type_name, "LATCHED", path)
+
+
+def _made(constant: str, kind: str, type_name: str, quality: str, path: Path) -> Offer:
+    words = _quality(getattr(qos, quality)) if quality else ""
+    return Offer(getattr(names, constant), kind, type_name, words, str(path.relative_to(ROOT)))
+
+
+def _quality(profile: QoSProfile) -> str:
+    latched = ", latched" if profile.durability is DurabilityPolicy.TRANSIENT_LOCAL else ""
+    return f"depth {profile.depth}{latched}"
+
+
+def _type_link(type_name: str) -> str:
+    if type_name in STANDARD:
+        return f"{STANDARD[type_name]}/{type_name}"
+    return f"[{type_name}](#{type_name.lower()})"
+
+
+def _file_link(file: str) -> str:
+    return f"[`{file}`](../{file})"
+
+
+def _topic_rows(found: list[Offer]) -> str:
+    return "".join(
+        f"| `{o.name}` | {_type_link(o.type_name)} | {o.quality} | {_file_link(o.file)} |\n"
+        for o in found
+        if o.kind == "topic"
+    )
+
+
+def _service_rows(found: list[Offer]) -> str:
+    return "".join(
+        f"| `{o.name}` | {_type_link(o.type_name)} | {_file_link(o.file)} |\n"
+        for o in found
+        if o.kind == "service"
+    )
+
+
+def _definition(path: Path) -> str:
+    """Return a .msg or .srv file in Markdown: what stands above its fields, and a table of them."""
+    about, rows, part = [], [], "request" if path.suffix == ".srv" else ""
+    for line in path.read_text().splitlines():
+        if line == "---":
+            part = "response"
+        elif line.startswith("#"):
+            (rows if rows else about).append(
+                f"| | | {line[1:].strip()} |" if rows else line[1:].strip()
+            )
+        elif line.strip():
+            field, _, meaning = line.partition("#")
+            kind, _, name = field.strip().partition(" ")
+            cells = ([part] if part else []) + [f"`{name.strip()}`", f"`{kind}`", meaning.strip()]
+            rows.append(f"| {' | '.join(cells)} |")
+    head = ["part", "field", "type", "meaning"] if part else ["field", "type", "meaning"]
+    if part:
+        rows = [f"| {row}" if row.startswith("| | |") else row for row in rows]
+    table = [f"| {' | '.join(head)} |", "|" + "---|" * len(head), *rows] if rows else []
+    return "\n".join([f"### {path.stem}", "", *about, "", *table, ""])
+
+
+def page() -> str:
+    """Return the page in Markdown."""
+    found = offers()
+    return PAGE.format(
+        topics=_topic_rows(found),
+        services=_service_rows(found),
+        messages="\n".join(map(_definition, sorted((DEFINITIONS / "msg").glob("*.msg")))),
+        service_types="\n".join(map(_definition, sorted((DEFINITIONS / "srv").glob("*.srv")))),
+    )
+
+
+if __name__ == "__main__":
+    print(page(), end="")
