@@ -29,6 +29,9 @@ OFFERED: dict[str, tuple[type, QoSProfile]] = {
 LOOK = 0.02
 """Seconds between two looks at whether somebody listens."""
 
+BURST = 50
+"""Messages that are published without a look at whether they arrived; fewer than a writer keeps."""
+
 LINGER = 10.0
 """Seconds that a listener gets to take the last messages."""
 
@@ -94,4 +97,7 @@ def _publish_all(bag: Path, publishers: dict[str, Publisher], rate: float) -> tu
             time.sleep(max(0.0, due - time.monotonic()))
         publishers[message.topic].publish(message.data)
         count += 1
+        if count % BURST == 0:
+            # Without pauses the next ones would push these out before they are sent.
+            publishers[message.topic].wait_for_all_acked(Duration(seconds=LINGER))
     return count, time.monotonic() - began
