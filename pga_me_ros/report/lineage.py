@@ -7,13 +7,14 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import AutoLocator, MaxNLocator
 
 from pga_me_ros.core.elites import Elite, Operator
 from pga_me_ros.report.pictures import label_axes, save
 from pga_me_ros.report.stored_run import StoredRun
 
 LOOKS = {
-    Operator.RANDOM: ("random", "#999999", "."),
+    Operator.RANDOM: ("random", "#999999", "D"),
     Operator.GA: ("GA", "#e69f00", "^"),
     Operator.PG: ("PG", "#0072b2", "o"),
     Operator.GREEDY: ("greedy controller", "#000000", "*"),
@@ -22,6 +23,7 @@ LOOKS = {
 """Name, colour and mark by operator: colours that the colour-blind tell apart (Okabe and Ito), and marks besides."""
 
 BARS = 40
+"""About as many bars; each is of one or more whole generations."""
 
 
 def draw_lineage(run: StoredRun, folder: Path) -> list[Path]:
@@ -59,16 +61,21 @@ def _draw_where(axes: Axes, run: StoredRun, made: dict[Operator, list[Elite]]) -
     label_axes(axes, run.spec.descriptor_names[:2])
     if run.archive.dimensions == 1:
         axes.set_ylabel("fitness (sum of rewards)")
+        axes.yaxis.set_major_locator(AutoLocator())
 
 
 def _draw_when(axes: Axes, run: StoredRun, made: dict[Operator, list[Elite]]) -> None:
-    edges = np.linspace(0, run.metrics[-1].evaluations, BARS + 1)
+    # Whole generations: with part of one, greedy controllers, each the first of its batch, would make a comb.
+    ends = [0, *(metrics.evaluations for metrics in run.metrics)]
+    edges = ends[:: max(1, len(ends) // BARS)]
+    edges += [ends[-1]] if edges[-1] != ends[-1] else []
     axes.hist(
         [[elite.evaluation for elite in elites] for elites in made.values()],
-        bins=edges.tolist(),
+        bins=edges,
         stacked=True,
         color=[LOOKS[operator][1] for operator in made],
     )
     axes.set_xlabel("made in evaluation")
-    axes.set_ylabel("elites of today's archive")
+    axes.yaxis.set_major_locator(MaxNLocator(integer=True))
+    axes.set_ylabel("elites in the archive")
     axes.spines[["top", "right"]].set_visible(False)

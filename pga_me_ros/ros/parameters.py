@@ -49,8 +49,8 @@ def declare(
     for name in given:
         if name not in known and name not in others:
             raise SettingsError(
-                f"Unknown parameter '{name}'{nearest_name(name, known)}; --help lists those of "
-                f"'{node.get_name()}', docs/parameters.md all."
+                f"Unknown parameter '{name}'{nearest_name(name, [*known, *others])}; --help lists "
+                f"those of '{node.get_name()}', docs/parameters.md all."
             )
         node.undeclare_parameter(name)
     values = {}
