@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
@@ -32,17 +33,19 @@ from pga_me_ros.core.torch_nets import FlatAdam, MlpStack, choose_device, torch_
 class CriticTrainer:
     """The critics Q1 and Q2, the greedy controller, their targets and their optimisers.
 
-    Both critics are one (2, P) tensor, so that each layer of the two is one batched product.
+    Both critics are one (2, P) tensor.
 
     Args:
         spec: Spec of the task, for its dimensions.
         settings: Settings of the run; of them, those that are no rates hold for good.
+        workers: Threads; with more than one, a CPU computes the second critic at the same time as the first. The
+            results do not depend on it.
 
     Raises:
         SettingsError: The device cannot be used here.
     """
 
-    def __init__(self, spec: RobotDimensions, settings: Settings) -> None:
+    def __init__(self, spec: RobotDimensions, settings: Settings, workers: int = 1) -> None:
         """Draw the networks and copy them into their targets (Alg. 3, lines 3-5)."""
         self.settings = settings
         self.obs_dim, self.act_dim = spec.observation_dim, spec.action_dim
@@ -55,6 +58,7 @@ class CriticTrainer:
 
         critics = np.stack([random_critic(self.critic_shape, draw(i)) for i in range(2)])
         greedy = random_parameters(self.greedy_shape, draw(2))[None]
+        self._pool = self._second_thread() if workers > 1 else None
         self._critics = self._stack(critics, greedy=False)
         self._critic_targets = self._stack(critics, greedy=False)
         self._greedy = self._stack(greedy, greedy=True)
@@ -231,7 +235,18 @@ class CriticTrainer:
     def _stack(self, parameters: NDArray[np.float32], *, greedy: bool) -> MlpStack:
         tensor = torch.from_numpy(parameters).to(self.device).clone()
         shape = self.greedy_shape if greedy else self.critic_shape
-        return MlpStack(shape, tensor, self.settings.transition_batch, tanh=greedy)
+        rows = self.settings.transition_batch
+        return MlpStack(shape, tensor, rows, tanh=greedy, pool=self._pool)
+
+    def _second_thread(self) -> ThreadPoolExecutor | None:
+        if self.device.type != "cpu":
+            return None  # a GPU computes both at once
+
+        def prepare() -> None:  # torch keeps these per thread
+            torch.set_num_threads(self.settings.torch_threads)
+            torch.set_grad_enabled(False)
+
+        return ThreadPoolExecutor(1, initializer=prepare)
 
     def _zeros(self, *shape: int) -> Tensor:
         return torch.zeros(shape, device=self.device)

@@ -27,18 +27,22 @@ class DurableLearner:
         spec: Task.
         settings: Settings of the run.
         directory: Folder of the run.
+        workers: Threads of critic training.
 
     Raises:
         StorageError: The folder cannot be made.
         SettingsError: The device cannot be used here.
     """
 
-    def __init__(self, spec: TaskSpec, settings: Settings, directory: Path) -> None:
+    def __init__(
+        self, spec: TaskSpec, settings: Settings, directory: Path, workers: int = 1
+    ) -> None:
         self._spec = spec
         self._settings = settings
+        self._workers = workers
         self.experience = Experience(directory / "experience", settings)
         self._checkpoints = CriticCheckpoints(directory)
-        self._learner = Learner(spec, settings)
+        self._learner = Learner(spec, settings, workers)
         self._trained_for: int | None = None  # None: not known to be the state of any checkpoint
 
     def find(self, order: TrainingOrder) -> Snapshot | None:
@@ -98,6 +102,6 @@ class DurableLearner:
             self._learner.load_state(state, snapshot.version)
             self._trained_for = snapshot.generation
         else:
-            self._learner = Learner(self._spec, self._settings)
+            self._learner = Learner(self._spec, self._settings, self._workers)
             self._trained_for = None
         return earlier is not None

@@ -23,6 +23,7 @@ class Learner:
     Args:
         spec: Task.
         settings: Settings of the run.
+        workers: Threads of critic training.
 
     Attributes:
         version: Critic training steps done since the start of the run.
@@ -33,10 +34,10 @@ class Learner:
         PgaError: The machine cannot reserve memory for `replay_size` transitions.
     """
 
-    def __init__(self, spec: TaskSpec, settings: Settings) -> None:
+    def __init__(self, spec: TaskSpec, settings: Settings, workers: int = 1) -> None:
         self._spec = spec
         self._settings = settings
-        self._trainer = CriticTrainer(spec, settings)
+        self._trainer = CriticTrainer(spec, settings, workers)
         self.version = 0
         self.newest = -1
         self._clear_replay()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import threading
 import traceback
 from importlib.metadata import version
@@ -37,7 +38,8 @@ class CriticTrainerNode(GraphNode):
         self._run_id = require_run(options, "critic_trainer")
         self._spec = task_spec(self._settings.task)
         run_dir = Path(options["run_dir"])
-        self._learner = DurableLearner(self._spec, self._settings, run_dir)
+        workers = os.cpu_count() or 1
+        self._learner = DurableLearner(self._spec, self._settings, run_dir, workers)
         self._training: TrainingOrder | None = None
         self._fault = ""
         self._snapshots = self.create_publisher(CriticSnapshot, names.SNAPSHOT, qos.LATCHED)

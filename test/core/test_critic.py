@@ -68,6 +68,15 @@ def test_paper_sized_networks_train_to_the_same_bits_twice():
     assert_same_bits(trained(settings), trained(settings))
 
 
+def test_second_critic_in_a_thread_of_its_own_changes_no_bit():
+    settings = Settings(n_crit=8)
+    alone, together = (CriticTrainer(Robot(), settings, workers) for workers in (1, 2))
+    for generation in (1, 2):
+        for trainer in (alone, together):
+            trainer.train(filled_replay(), settings, generation)
+    assert_same_bits(alone, together)
+
+
 @pytest.mark.parametrize("change", [{"seed": 4}, {"n_crit": 9}], ids=["seed", "steps"])
 def test_another_seed_or_number_of_steps_gives_other_critics(change):
     assert not np.array_equal(
