@@ -20,17 +20,17 @@ from pga_me_ros.ros import qos
 from pga_me_ros.ros.command_line import Program, start
 
 OFFERED: dict[str, tuple[type, QoSProfile]] = {
-    type_name(Transitions): (Transitions, qos.EXPERIENCE_WRITER),
+    type_name(Transitions): (Transitions, qos.EXPERIENCE_READER),
     type_name(Metrics): (Metrics, qos.LATCHED),
     type_name(Progress): (Progress, qos.LATCHED),
 }
-"""What is published, by type, and what is offered."""
+"""What is published, by type, and what is offered: experience as deep as whoever takes it for good."""
 
 LOOK = 0.02
 """Seconds between two looks at whether somebody listens."""
 
-BURST = 50
-"""Messages that are published without a look at whether they arrived; fewer than a writer keeps."""
+BURST = 1000
+"""Messages that are published without a look at whether they arrived, which takes a second; a writer keeps more."""
 
 LINGER = 10.0
 """Seconds that a listener gets to take the last messages."""

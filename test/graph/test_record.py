@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shutil
 import signal
-import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from domain_coordinator import domain_id
-from graph import TINY, Graph, Probe, Started, wait_until
+from graph import Graph, Probe, Started, wait_until
 from pga_me_msgs.msg import Metrics, Transitions
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
@@ -25,8 +24,7 @@ from pga_me_ros.recording.definitions import definition, type_name
 from pga_me_ros.replay.__main__ import main
 from pga_me_ros.ros import names, qos
 
-EPISODES = TINY["evaluations"]
-GENERATIONS = 3
+EPISODES, GENERATIONS = 20, 2
 
 
 @dataclass(frozen=True)
@@ -52,7 +50,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Recorded]:
         graph = Graph(domain, folder)
         try:
             recorder = start_recorder(graph, folder / "bag")
-            run = graph.run(folder / "run")
+            run = graph.run(folder / "run", evaluations=EPISODES)
             assert run.wait() == 0, run.output
             recorder.signal(signal.SIGINT)
             assert recorder.wait() == 0, recorder.output
@@ -121,7 +119,7 @@ def test_lost_experience_is_restored_byte_for_byte(
     files = sorted((run / "experience").iterdir())
     before = [file.read_bytes() for file in files]
     assert len(files) == GENERATIONS
-    for file in files[:2]:
+    for file in files:
         file.unlink()
     assert main([str(recorded.bag), "--into", str(run)]) == 0
     assert "restored the experience of 2 generations" in capsys.readouterr().out
@@ -131,20 +129,23 @@ def test_lost_experience_is_restored_byte_for_byte(
 
 
 def test_what_is_published_again_is_what_was_recorded(
-    recorded: Recorded, graph: Graph, probe: Probe
+    recorded: Recorded,
+    graph: Graph,
+    probe: Probe,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     raw: list[bytes] = []
     probe.node.create_subscription(
         Transitions, names.TRANSITIONS, raw.append, qos.EXPERIENCE_READER, raw=True
     )
     metrics = probe.listen(Metrics, names.METRICS, qos.LATCHED)
-    command = [sys.executable, "-m", "pga_me_ros.replay", str(recorded.bag)]
-    again = graph.launch([*command, "--publish", "--rate", "0", "--wait", "60"])
-    assert again.wait() == 0, again.output
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(graph.domain))
+    assert main([str(recorded.bag), "--publish", "--rate", "0", "--wait", "60"]) == 0
     wait_until(lambda: len(raw) == EPISODES, "all episodes")
     assert raw == transitions(recorded.bag)
     wait_until(lambda: bool(metrics) and metrics[-1].generation == GENERATIONS - 1, "metrics")
-    assert again.output.startswith("published ")
+    assert capsys.readouterr().out.startswith("published ")
 
 
 def test_an_existing_folder_is_refused_in_a_line(graph: Graph, tmp_path: Path) -> None:
@@ -159,11 +160,11 @@ def test_missing_episodes_are_named_at_the_end(graph: Graph, probe: Probe, tmp_p
     recorder = start_recorder(graph, tmp_path / "bag")
     topic = probe.node.create_publisher(Transitions, names.TRANSITIONS, qos.EXPERIENCE_WRITER)
     wait_until(lambda: topic.get_subscription_count() == 1, "the recorder")
-    for evaluation in (3, 4, 8, 6, 6):
+    for evaluation in (3, 4, 8, *[6] * 150):
         topic.publish(Transitions(run_id="run", task="qd_walker", evaluation=evaluation))
     # Sent right before the signal: what has been sent is still taken.
     recorder.signal(signal.SIGTERM)
     assert recorder.wait() == 0, recorder.output
-    assert "run run: 4 episodes, evaluations 3 to 8, 1 more came twice" in recorder.output
+    assert "run run: 4 episodes, evaluations 3 to 8, 149 more came twice" in recorder.output
     assert "warning: 2 episodes between them are missing: evaluations 5, 7" in recorder.output
-    assert len(transitions(tmp_path / "bag")) == 5
+    assert len(transitions(tmp_path / "bag")) == 153
