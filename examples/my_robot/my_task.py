@@ -47,7 +47,7 @@ class Crawler:
         descriptor_names=("hand/contact_share", "hand/mean_height_in_m"),
         descriptor_low=(0.0, 0.0),
         descriptor_high=(1.0, 0.5),
-        max_steps=150,
+        max_steps=100,
         control_period=SUBSTEPS / 240,
         archive_cells=100,
         archive_bins=(10, 10),
