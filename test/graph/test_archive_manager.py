@@ -85,7 +85,7 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
         "'descriptors' holds NaN",
     ),
     "parameter NaN": ({"parameters": flat(parameters(1) * np.nan, "f")}, "'parameters' holds NaN"),
-    "no such operator": ({"operators": [4] * B}, "'operators' holds 4; expected 0 to 3"),
+    "no such operator": ({"operators": [5] * B}, "'operators' holds 5; expected 0 to 4"),
     "no such parent": ({"parents": flat(np.full(20, -2), "q")}, "'parents' holds -2"),
     "an episode of no steps": ({"steps": flat(np.zeros(B), "q")}, "'steps' holds 0; expected 1"),
     "rates out of range": ({"rates": no_rates()}, "n_evo is 11"),

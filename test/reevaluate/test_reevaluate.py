@@ -93,7 +93,7 @@ def test_nothing_is_done_twice(run: Path) -> None:
 @contextmanager
 def started(run: Path) -> Iterator[subprocess.Popen[str]]:
     """Start more re-evaluations than anybody would wait for, and wait until the first ones are stored."""
-    command = [sys.executable, "-m", "pga_me_ros.reevaluate", str(run), "--repeats", "200"]
+    command = [sys.executable, "-m", "pga_me_ros.reevaluate", str(run), "--repeats", "20000"]
     command += ["--processes", "1"]
     process = subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
