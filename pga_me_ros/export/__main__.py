@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from pga_me_ros.core.elites import Elite
-from pga_me_ros.core.errors import PgaError, StorageError
+from pga_me_ros.core.errors import StorageError
+from pga_me_ros.core.program import run_program
 from pga_me_ros.core.repertoire_arrays import save_bytes
 from pga_me_ros.export.arrays import write_npz, write_pyribs
 from pga_me_ros.export.source import Source
@@ -28,17 +28,10 @@ def main(args: Sequence[str] | None = None) -> int:
         args: Command line without the program's name, None for the process's own.
 
     Returns:
-        Exit status: 0, or 2 when it could not be done.
+        Exit status, as `run_program`.
     """
     asked = _parser().parse_args(args)
-    try:
-        print(export(asked))
-    except BrokenPipeError:  # the reader, such as `head`, has seen enough
-        sys.stderr.close()
-    except (PgaError, OSError) as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
-    return 0
+    return run_program(lambda: print(export(asked)))
 
 
 def export(asked: argparse.Namespace) -> Path:

@@ -30,7 +30,7 @@ from pga_me_ros.nodes.run import Run
 from pga_me_ros.nodes.team import SINGLETONS, name_is_taken
 from pga_me_ros.ros import names, qos
 from pga_me_ros.ros.command_line import Program, start
-from pga_me_ros.ros.namesakes import LISTEN, listening_time
+from pga_me_ros.ros.namesakes import LISTEN, LISTEN_ON, listening_time
 from pga_me_ros.ros.process import report
 from pga_me_ros.ros.refusals import printable
 from pga_me_ros.tasks.registry import task_spec
@@ -221,7 +221,7 @@ def require_free_name(control: Control, claim: Progress, *, new: bool) -> None:
     waiter.until(lambda: bool(heard), LISTEN)
     waiter.until(lambda: bool(heard), listening_time(control, control.get_name()) - LISTEN)
     if strangers:  # their orchestrator, if they have one, says more about them
-        waiter.until(lambda: bool(heard), LISTEN)
+        waiter.until(lambda: bool(heard), LISTEN_ON)
     if heard:
         who = printable(f"process {heard[0].pid} on {heard[0].host}, task {heard[0].task}")
         raise PgaError(

@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import math
 import os
-import signal
 import sys
 import time
 from collections.abc import Sequence
@@ -14,9 +13,10 @@ from pathlib import Path
 import numpy as np
 
 from pga_me_ros.core.archive import Archive
-from pga_me_ros.core.errors import PgaError, RequestError, StorageError
+from pga_me_ros.core.errors import RequestError, StorageError
 from pga_me_ros.core.file_lock import FileLock
 from pga_me_ros.core.policy import MlpShape
+from pga_me_ros.core.program import run_program
 from pga_me_ros.core.reevaluations import FILE, Reevaluations, Statistics
 from pga_me_ros.core.run_directory import REPERTOIRE
 from pga_me_ros.core.run_info import RunInfo, library_versions
@@ -38,18 +38,14 @@ def main(args: Sequence[str] | None = None) -> int:
         args: Command line without the program's name, None for the process's own.
 
     Returns:
-        Exit status: 0; 2 when it could not be done; 130 after Ctrl-C, with what was found until then stored.
+        Exit status, as `run_program`; after Ctrl-C, what was found until then is stored.
     """
     asked = _parser().parse_args(args)
-    try:
+
+    def work() -> None:
         print(reevaluate(asked.run, asked.repeats, asked.best, asked.processes))
-    except KeyboardInterrupt:
-        print("stopped; the same command goes on from here", file=sys.stderr)
-        return 128 + signal.SIGINT
-    except (PgaError, OSError) as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
-    return 0
+
+    return run_program(work, stopped="stopped; the same command goes on from here")
 
 
 def reevaluate(run: Path, repeats: int, best: int | None = None, processes: int = 0) -> str:

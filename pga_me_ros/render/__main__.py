@@ -12,6 +12,7 @@ from pathlib import Path
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as evaluators have it
 
 from pga_me_ros.core.errors import PgaError, RequestError, StorageError
+from pga_me_ros.core.program import run_program
 from pga_me_ros.core.schedule import evaluation_rng
 from pga_me_ros.player.promise import kept
 from pga_me_ros.player.recording import Recording, record
@@ -29,19 +30,10 @@ def main(args: Sequence[str] | None = None) -> int:
         args: Command line without the program's name, None for the process's own.
 
     Returns:
-        Exit status: 0, or 2 when it could not be done.
+        Exit status, as `run_program`.
     """
     asked = _parser().parse_args(args)
-    try:
-        print(render(asked))
-    except BrokenPipeError:  # the reader, such as `head`, has seen enough
-        sys.stderr.close()
-    except KeyboardInterrupt:
-        return 130
-    except (PgaError, OSError) as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
-    return 0
+    return run_program(lambda: print(render(asked)))
 
 
 def render(asked: argparse.Namespace) -> Path:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import signal
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,7 +11,8 @@ from typing import Any
 
 import yaml
 
-from pga_me_ros.core.errors import PgaError, RequestError, SettingsError
+from pga_me_ros.core.errors import RequestError, SettingsError
+from pga_me_ros.core.program import run_program
 from pga_me_ros.core.run_directory import REPERTOIRE
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.core.storage import Repertoire
@@ -32,25 +32,21 @@ def main(args: Sequence[str] | None = None) -> int:
         args: Command line without the program's name, None for the process's own.
 
     Returns:
-        Exit status: 0; 2 when it could not be done; 130 after Ctrl-C.
+        Exit status, as `run_program`.
     """
     given = list(sys.argv[1:] if args is None else args)
     cut = given.index(ROS_ARGS) if ROS_ARGS in given else len(given)
     asked = _parser().parse_args(given[:cut])
-    try:
+
+    def work() -> None:
         if asked.publish:
             print(publish(asked.bag, asked.rate, asked.wait, given[cut:]))
         elif asked.into:
             print(restore_experience(asked.bag, asked.into))
         else:
             print(train(asked))
-    except KeyboardInterrupt:
-        print("stopped", file=sys.stderr)
-        return 128 + signal.SIGINT
-    except (PgaError, OSError) as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
-    return 0
+
+    return run_program(work)
 
 
 def train(asked: argparse.Namespace) -> str:

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from collections import defaultdict
 from pathlib import Path
 
 import numpy as np
 
-from pga_me_ros.core.errors import PgaError
+from pga_me_ros.core.program import run_program
 from pga_me_ros.report.stored_run import StoredRun
 
 
@@ -45,18 +44,15 @@ def main() -> int:
         "--out", type=Path, default=Path("report"), help="folder for the pictures (report)"
     )
     arguments = parser.parse_args()
-    try:
+
+    def work() -> None:
         runs = [StoredRun.load(path) for path in arguments.runs]
         arguments.out.mkdir(parents=True, exist_ok=True)
         print(table(runs))
         for file in draw(runs, arguments.out):
             print(file)
-    except BrokenPipeError:  # the reader, such as `head`, has seen enough
-        sys.stderr.close()
-    except (PgaError, OSError) as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
-    return 0
+
+    return run_program(work)
 
 
 def draw(runs: list[StoredRun], folder: Path) -> list[Path]:
