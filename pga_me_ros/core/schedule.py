@@ -116,18 +116,30 @@ def training_meanwhile(settings: Settings, generation: int) -> TrainingOrder | N
     return TrainingOrder.of(generation + 1, generation - 1, settings)
 
 
+def must_end_within(settings: Settings, generation: int) -> bool:
+    """Whether the training that goes on meanwhile has to end before this generation is added to the archive.
+
+    The run's first training may start the greedy controller at the best elite of the archive as it is now, and
+    so could not be repeated with the archive of the next generation; and a run does not end with a training under way.
+    """
+    return generation < settings.init_generations or generation + 1 >= settings.generations
+
+
 def training_for(settings: Settings, before: Settings, generation: int) -> TrainingOrder | None:
-    """Return the training that a generation's offspring need, None if they need none.
+    """Return the training that has to be over before a generation is, None if there is none.
+
+    It is the one that was started while the generation before was evaluated, even if this one's rates call for no
+    gradients: a later training starts from where it ended. Else it is the one that this generation's offspring need.
 
     Args:
         settings: Settings with the rates in force for this generation.
         before: Settings with the rates that were in force for the generation before.
         generation: Number of the generation.
     """
-    if not needs_snapshot(settings, generation):
-        return None
-    meanwhile = training_meanwhile(before, generation - 1)
-    return meanwhile or TrainingOrder.of(generation, generation - 1, settings)
+    under_way = training_meanwhile(before, generation - 1)
+    if under_way is None and needs_snapshot(settings, generation):
+        return TrainingOrder.of(generation, generation - 1, settings)
+    return under_way
 
 
 def evaluation_ids(settings: Settings, generation: int) -> range:

@@ -47,8 +47,8 @@ def require_sound_state(
     notes = []
     if lost:
         _require_repeatable(len(history), trained, sound, before, settings, files, damage)
-        notes.append(f"the training that made {files.path(lost[0]).name} is done again")
-    if trained and uses_critics(settings):
+        notes.append(_done_again(files.path(lost[0]).name, damaged=lost[0] in damage))
+    if lost or (trained and uses_critics(settings)):
         experience = Experience(path / "experience", settings)
         for newest in range(len(history) - 1 - len(lost), len(history)):
             for generation in experience.window(newest):
@@ -58,6 +58,12 @@ def require_sound_state(
         os.replace(file, file.with_name(file.name + DAMAGED))
         notes.append(f"{file.name} is damaged; it is not used, and kept as {file.name}{DAMAGED}")
     return notes
+
+
+def _done_again(name: str, *, damaged: bool) -> str:
+    if damaged:
+        return f"the training that made {name} is done again"
+    return f"the training for {name} had not ended, or its file was removed; it is done now"
 
 
 def _damage(files: GenerationFiles) -> dict[int, str]:

@@ -73,6 +73,10 @@ class CriticSide:
         """Return the greedy controller (P,) of a generation whose snapshot is there."""
         return self._snapshots[generation].greedy
 
+    def has(self, order: TrainingOrder) -> bool:
+        """Whether the snapshot of a training that was started here has come."""
+        return order.generation in self._snapshots
+
     def start(self, order: TrainingOrder) -> None:
         """Start a training; one that was done before has its snapshot published again."""
         settings = self._settings.replace(**order.rates)
@@ -91,9 +95,9 @@ class CriticSide:
         asked_of = 0
 
         def came_or_died() -> bool:
-            return order.generation in self._snapshots or asked_of != self._incarnation()
+            return self.has(order) or asked_of != self._incarnation()
 
-        while order.generation not in self._snapshots:
+        while not self.has(order):
             asked_of = self._incarnation()
             self.start(order)
             self._waiter.until(came_or_died, ASK_AGAIN)

@@ -38,8 +38,7 @@ class CriticTrainerNode(GraphNode):
         self._run_id = require_run(options, "critic_trainer")
         self._spec = task_spec(self._settings.task)
         run_dir = Path(options["run_dir"])
-        workers = os.cpu_count() or 1
-        self._learner = DurableLearner(self._spec, self._settings, run_dir, workers)
+        self._learner = DurableLearner(self._spec, self._settings, run_dir, workers=_threads())
         self._training: TrainingOrder | None = None
         self._fault = ""
         self._snapshots = self.create_publisher(CriticSnapshot, names.SNAPSHOT, qos.LATCHED)
@@ -154,6 +153,11 @@ class CriticTrainerNode(GraphNode):
 
     def _publish(self, snapshot: Snapshot) -> None:
         self._snapshots.publish(snapshot_to_msg(snapshot, self._run_id))
+
+
+def _threads() -> int:
+    """Return how many threads train: two cost more core time than one, and two cores have other work as well."""
+    return 2 if (os.cpu_count() or 1) > 2 else 1
 
 
 PROGRAM = Program(

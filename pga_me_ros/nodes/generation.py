@@ -17,6 +17,7 @@ from pga_me_ros.core.schedule import (
     TrainingOrder,
     batch_plan,
     evaluation_ids,
+    must_end_within,
     training_for,
     training_meanwhile,
 )
@@ -32,6 +33,9 @@ PIECE = 25
 
 PARENTS = {Operator.RANDOM: 0, Operator.GA: 2, Operator.PG: 1}
 """Parents that each operator takes."""
+
+OF_CRITICS = (Operator.GREEDY, Operator.PG)
+"""Operators that wait for the critics of their generation."""
 
 
 @dataclass
@@ -110,17 +114,24 @@ class GenerationLoop:
         batch = Batch.empty(evaluation_ids(settings, t), self._shape.parameter_count)
         self._pool.begin(t)
         trained = training_for(settings, before, t)
+        if trained and not self._critics.has(trained):
+            self._critics.start(trained)  # nothing new where it is under way
+        plan = batch_plan(settings, t, len(self._imported))
+        for slots in plan:  # what needs no critics is evaluated while they still train
+            if slots.operator not in OF_CRITICS:
+                self._fill(settings, t, batch, slots, trained)
         if trained:
             self._critics.wait_for(trained)
         meanwhile = training_meanwhile(settings, t)
         if meanwhile:
             self._critics.start(meanwhile)
-        for slots in batch_plan(settings, t, len(self._imported)):
-            self._fill(settings, t, batch, slots, trained)
+        for slots in plan:
+            if slots.operator in OF_CRITICS:
+                self._fill(settings, t, batch, slots, trained)
         self._wait_for_results(batch)
-        if meanwhile:
-            self._critics.wait_for(meanwhile)
         self._critics.store(t, batch.ids)
+        if meanwhile and must_end_within(settings, t):
+            self._critics.wait_for(meanwhile)
         return self._add(settings, t, batch)
 
     def _fill(

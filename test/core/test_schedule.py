@@ -13,6 +13,7 @@ from pga_me_ros.core.schedule import (
     batch_plan,
     evaluation_ids,
     evaluation_rng,
+    must_end_within,
     sample_parents,
     training_for,
     training_meanwhile,
@@ -121,8 +122,20 @@ def test_critics_that_were_switched_off_train_at_once_on_all_experience():
     assert (order.generation, order.experience, order.rates["n_crit"]) == (4, 3, 7)
 
 
-def test_no_training_is_waited_for_when_gradients_are_switched_off():
-    assert training_for(SMALL.replace(n_evo=10), SMALL, 4) is None
+def test_a_training_under_way_is_waited_for_even_if_gradients_are_switched_off():
+    assert training_for(SMALL.replace(n_evo=10), SMALL, 4) == training_meanwhile(SMALL, 3)
+
+
+def test_no_training_is_waited_for_when_gradients_were_off_before():
+    off = SMALL.replace(n_evo=10)
+    assert training_for(off, off, 4) is None
+
+
+@pytest.mark.parametrize(
+    ("generation", "within"), [(0, True), (1, True), (2, False), (8, False), (9, True)]
+)
+def test_the_first_and_the_last_training_end_within_their_generation(generation, within):
+    assert must_end_within(SMALL.replace(evaluations=100), generation) == within
 
 
 def test_an_order_names_every_rate():

@@ -90,7 +90,11 @@ def test_a_sound_run_goes_on_without_a_word(run: Path) -> None:
 def test_damaged_critics_are_set_aside_and_trained_again(run: Path, fault: str) -> None:
     FAULTS[fault](run / NEWEST)
     notes = check(run)
-    assert notes[0] == f"the training that made {NEWEST} is done again"
+    if fault == "missing":
+        (note,) = notes
+        assert note.startswith(f"the training for {NEWEST} had not ended, or its file was removed")
+    else:
+        assert notes[0] == f"the training that made {NEWEST} is done again"
     assert not (run / NEWEST).exists()
     assert (run / f"{NEWEST}.damaged").exists() == (fault != "missing")
 
@@ -135,9 +139,15 @@ def test_damaged_critics_that_are_needed_no_more_are_set_aside(run: Path) -> Non
     assert note == f"{BEFORE} is damaged; it is not used, and kept as {BEFORE}.damaged"
 
 
-def test_critics_are_not_made_again_where_the_next_generation_trains_none(run: Path) -> None:
+def test_critics_are_made_again_even_where_the_next_generation_uses_none(run: Path) -> None:
     flip(0.5)(run / NEWEST)
-    with pytest.raises(StorageError, match="cannot be repeated"):
+    assert check(run, now=SETTINGS.replace(n_evo=SETTINGS.batch_size))
+
+
+def test_the_experience_for_them_is_needed_then(run: Path) -> None:
+    (run / NEWEST).unlink()
+    (run / "experience" / "experience-00000000.ckpt").unlink()
+    with pytest.raises(StorageError, match=r"experience-00000000\.ckpt"):
         check(run, now=SETTINGS.replace(n_evo=SETTINGS.batch_size))
 
 

@@ -19,7 +19,7 @@ from reference import run_digest, search_digest
 
 from pga_me_ros.ros import names, qos
 
-PARAMETERS: dict[str, Any] = {"evaluations": 80, "n_crit": 200}
+PARAMETERS: dict[str, Any] = {"evaluations": 120, "n_crit": 200}
 B = int(TINY["batch_size"])
 
 PAIRS = [
