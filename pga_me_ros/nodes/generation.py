@@ -34,8 +34,8 @@ PIECE = 25
 PARENTS = {Operator.RANDOM: 0, Operator.GA: 2, Operator.PG: 1}
 """Parents that each operator takes."""
 
-OF_CRITICS = (Operator.GREEDY, Operator.PG)
-"""Operators that wait for the critics of their generation."""
+WITHOUT_CRITICS = (Operator.RANDOM, Operator.IMPORTED, Operator.GA)
+"""Operators that need no critics of their generation."""
 
 
 @dataclass
@@ -118,7 +118,7 @@ class GenerationLoop:
             self._critics.start(trained)  # nothing new where it is under way
         plan = batch_plan(settings, t, len(self._imported))
         for slots in plan:  # what needs no critics is evaluated while they still train
-            if slots.operator not in OF_CRITICS:
+            if slots.operator in WITHOUT_CRITICS:
                 self._fill(settings, t, batch, slots, trained)
         if trained:
             self._critics.wait_for(trained)
@@ -126,7 +126,7 @@ class GenerationLoop:
         if meanwhile:
             self._critics.start(meanwhile)
         for slots in plan:
-            if slots.operator in OF_CRITICS:
+            if slots.operator not in WITHOUT_CRITICS:
                 self._fill(settings, t, batch, slots, trained)
         self._wait_for_results(batch)
         self._critics.store(t, batch.ids)
