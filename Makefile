@@ -9,7 +9,7 @@ TASK ?= qd_walker
 ARGS ?=
 WORKERS ?= 2
 
-BENCHES := rollout reset critic pg_variation graph archive scaling
+BENCHES := rollout reset critic pg_variation graph archive scaling paper_scale
 
 SETUP := PYTHON="$(PYTHON)" scripts/setup.sh
 IN_VENV := . .venv/setup.bash &&

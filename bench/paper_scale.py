@@ -1,0 +1,145 @@
+"""What a run of the paper's size takes on machines of any number of cores: a model made of costs measured here.
+
+Run: `.venv/bin/python bench/paper_scale.py [--rounds 5] [--evaluations 1000000] [--steps 1000]`; the last line is JSON.
+Measured in turn in this process, medians over the rounds: a control step with its controller and its record, the
+critics' training of one generation, and its PG variation. Batches, networks and steps are those of Table 1.
+
+A generation takes the longest of three things: all its work, spread over the cores; the critics' training, which no
+number of cores divides; and what comes one after the other between two snapshots, PG variation and the episodes of its
+offspring. `--messages` is what else a generation costs, in core seconds: see `bench/graph.py`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import os
+import statistics
+from dataclasses import dataclass
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+from _measure import seconds
+
+from pga_me_ros.core.learner import Learner
+from pga_me_ros.core.offspring import pg_states, random_controllers
+from pga_me_ros.core.pg_variation import pg_variation
+from pga_me_ros.core.policy import Controller, controller_shape
+from pga_me_ros.core.schedule import evaluation_rng
+from pga_me_ros.core.settings import Settings
+from pga_me_ros.tasks.registry import load_task
+from pga_me_ros.tasks.rollout import rollout
+
+TASKS = ("qd_walker", "qd_half_cheetah", "qd_ant", "qd_hopper")
+CORES = (2, 16, 64)
+EPISODES = 20
+
+
+@dataclass(frozen=True)
+class Costs:
+    """What the parts of a generation cost on one core, seconds.
+
+    Attributes:
+        step: One control step of one robot.
+        training: The critics' training of one generation.
+        pg: PG variation of one generation.
+    """
+
+    step: float
+    training: float
+    pg: float
+
+
+def measure(task_name: str, rounds: int) -> Costs:
+    """Measure the parts of a generation in turn."""
+    task = load_task(task_name)()
+    settings = Settings(task=task_name, replay_size=100_000)
+    shape = controller_shape(task.spec, settings)
+    parents = random_controllers(settings, shape, 0, 0, settings.batch_size)
+    controllers = [Controller(shape, p) for p in parents[:EPISODES]]
+    learner = Learner(task.spec, settings)
+
+    def simulate() -> list[int]:
+        episodes = [rollout(task, c, evaluation_rng(0, k)) for k, c in enumerate(controllers)]
+        learner.add(learner.newest + 1, episodes)
+        return [e.length for e in episodes]
+
+    lengths = simulate()
+    snapshot = learner.train(settings.replace(n_crit=20), 0)
+    n_pg = settings.batch_size - 1 - settings.n_evo
+
+    def vary() -> None:
+        pg_variation(
+            parents[:n_pg],
+            snapshot.critic,
+            pg_states(snapshot, 0, n_pg),
+            settings.pg_learning_rate,
+            shape,
+            snapshot.critic_shape,
+            threads=1,
+        )
+
+    vary()
+    rows = [
+        (
+            seconds(simulate) / sum(lengths),
+            seconds(lambda g=generation: learner.train(settings, g)),  # type: ignore[misc]
+            seconds(vary),
+        )
+        for generation in range(1, rounds + 1)
+    ]
+    task.close()
+    return Costs(*(statistics.median(column) for column in zip(*rows, strict=True)))
+
+
+def generation_seconds(costs: Costs, steps: int, cores: int, messages: float) -> float:
+    """Return the time of a generation by the model.
+
+    Args:
+        costs: What its parts cost.
+        steps: Steps of each episode.
+        cores: Cores of the machine.
+        messages: What else it costs, core seconds.
+    """
+    s = Settings()
+    episode = steps * costs.step
+    work = s.batch_size * episode + costs.training + costs.pg + messages
+    n_pg = s.batch_size - s.n_evo
+    between_snapshots = costs.pg / min(cores, n_pg) + episode * math.ceil(n_pg / cores)
+    return max(work / cores, costs.training, between_snapshots)
+
+
+def main() -> None:
+    """Measure, print the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--rounds", type=int, default=5)
+    parser.add_argument("--evaluations", type=int, default=1_000_000)
+    parser.add_argument("--steps", type=int, default=1000, help="of each episode")
+    parser.add_argument("--messages", type=float, default=0.6, help="core seconds per generation")
+    arguments = parser.parse_args()
+    generations = arguments.evaluations / Settings().batch_size
+    figures: dict[str, dict[str, float]] = {}
+    head = "  ".join(f"{n:3} cores" for n in CORES)
+    print(f"{'task':16} step    training  PG      hours on {head}")
+    for name in TASKS:
+        costs = measure(name, arguments.rounds)
+        hours = [
+            generations * generation_seconds(costs, arguments.steps, n, arguments.messages) / 3600
+            for n in CORES
+        ]
+        figures[name] = {f"hours_on_{n}": round(h, 1) for n, h in zip(CORES, hours, strict=True)}
+        figures[name] |= {
+            "training_in_steps": round(costs.training / costs.step),
+            "pg_in_steps": round(costs.pg / costs.step),
+        }
+        print(
+            f"{name:16} {costs.step * 1e3:.3f} ms {costs.training:.2f} s   {costs.pg:.2f} s           "
+            + "  ".join(f"{h:9.1f}" for h in hours),
+            flush=True,
+        )
+    print(json.dumps({"bench": "paper_scale", "figures": figures}))
+
+
+if __name__ == "__main__":
+    main()
