@@ -13,15 +13,14 @@ from pga_me_ros.core.elites import NO_PARENT, Operator
 from pga_me_ros.core.errors import PgaError
 from pga_me_ros.core.policy import MlpShape
 from pga_me_ros.core.schedule import (
-    Slots,
     TrainingOrder,
-    batch_plan,
     evaluation_ids,
     must_end_within,
     training_for,
     training_meanwhile,
 )
 from pga_me_ros.core.settings import Settings
+from pga_me_ros.core.systems import Slots, system_of
 from pga_me_ros.nodes.caller import Waiter, accepted, call
 from pga_me_ros.nodes.critic_side import CriticSide
 from pga_me_ros.nodes.evaluator_pool import EvaluatorPool
@@ -30,9 +29,6 @@ from pga_me_ros.ros.convert import flat, rates_to_msg, shaped
 
 PIECE = 25
 """Offspring per request: evaluators start on the first ones while the next are made."""
-
-PARENTS = {Operator.RANDOM: 0, Operator.GA: 2, Operator.PG: 1}
-"""Parents that each operator takes."""
 
 WITHOUT_CRITICS = (Operator.RANDOM, Operator.IMPORTED, Operator.GA)
 """Operators that need no critics of their generation."""
@@ -112,11 +108,12 @@ class GenerationLoop:
             Metrics of the archive after it.
         """
         batch = Batch.empty(evaluation_ids(settings, t), self._shape.parameter_count)
-        self._pool.begin(t)
+        system = system_of(settings)
+        self._pool.begin(t, system.exploration_sigma(settings, t))
         trained = training_for(settings, before, t)
         if trained and not self._critics.has(trained):
             self._critics.start(trained)  # nothing new where it is under way
-        plan = batch_plan(settings, t, len(self._imported))
+        plan = system.batch_plan(settings, t, len(self._imported))
         for slots in plan:  # what needs no critics is evaluated while they still train
             if slots.operator in WITHOUT_CRITICS:
                 self._fill(settings, t, batch, slots, trained)
@@ -153,7 +150,7 @@ class GenerationLoop:
             elif slots.operator == Operator.IMPORTED:
                 batch.parameters[places] = self._imported[batch.ids[places]]
             else:
-                each = PARENTS[slots.operator]
+                each = system_of(settings).parents.get(slots.operator, 0)
                 ids, parents = self._sample(t, first, n, each)
                 batch.parents[places, :each] = ids
                 request = self._proposal(settings, t, slots, first, n, parents)
