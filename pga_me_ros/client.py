@@ -148,7 +148,12 @@ class RepertoireClient:
         return self._ask_behaviors(descriptor, count, **limits).future
 
     def list_behaviors(
-        self, *, min_fitness: float | None = None, page: int = PAGE, timeout: float | None = None
+        self,
+        *,
+        min_fitness: float | None = None,
+        by_mean: bool = False,
+        page: int = PAGE,
+        timeout: float | None = None,
     ) -> Iterator[ListedBehavior]:
         """Yield all behaviours without their controllers, fittest first.
 
@@ -157,6 +162,7 @@ class RepertoireClient:
 
         Args:
             min_fitness: Least fitness, None for any.
+            by_mean: Whether fitness is to be the mean of re-evaluations; those without are left out.
             page: Behaviours per answer, 1 to 10,000.
             timeout: Seconds after which an answer is missed, None for the client's own.
 
@@ -168,7 +174,7 @@ class RepertoireClient:
         seen: set[int] = set()
         offset = 0
         while True:
-            call = self._ask_list(offset, page, min_fitness, timeout)
+            call = self._ask_list(offset, page, min_fitness, by_mean, timeout)
             total, behaviors = self._caller.result(call)
             for behavior in behaviors:
                 if behavior.cell not in seen:
@@ -184,6 +190,7 @@ class RepertoireClient:
         limit: int = PAGE,
         *,
         min_fitness: float | None = None,
+        by_mean: bool = False,
         timeout: float | None = None,
     ) -> Future:
         """Ask for one page of behaviours, fittest first.
@@ -192,12 +199,13 @@ class RepertoireClient:
             offset: Behaviours to pass over.
             limit: Most behaviours to return, 1 to 10,000.
             min_fitness: Least fitness, None for any.
+            by_mean: As in `list_behaviors`.
             timeout: Seconds after which the call fails, None for the client's own.
 
         Returns:
             Future of the number of behaviours that fit, and the page as a tuple of `ListedBehavior`.
         """
-        return self._ask_list(offset, limit, min_fitness, timeout).future
+        return self._ask_list(offset, limit, min_fitness, by_mean, timeout).future
 
     def get_info(self, *, timeout: float | None = None) -> RepertoireInfo:
         """Return what the repertoire is and how far it has come.
@@ -238,9 +246,14 @@ class RepertoireClient:
         return self._start(self._behaviors, request, _read_behaviors, timeout)
 
     def _ask_list(
-        self, offset: int, limit: int, min_fitness: float | None, timeout: float | None
+        self,
+        offset: int,
+        limit: int,
+        min_fitness: float | None,
+        by_mean: bool,
+        timeout: float | None,
     ) -> PendingCall:
-        request = ListBehaviors.Request(offset=int(offset), limit=int(limit))
+        request = ListBehaviors.Request(offset=int(offset), limit=int(limit), by_mean=bool(by_mean))
         limit_fitness(request, min_fitness)
         return self._start(self._list, request, _read_list, timeout)
 

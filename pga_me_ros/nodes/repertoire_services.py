@@ -190,9 +190,15 @@ class RepertoireServices:
                 f"offset is {request.offset} and limit {request.limit}; expected offset from 0 on "
                 f"and limit from 1 to {PAGE}."
             )
-        cells = self.archive.filled_cells()
-        cells = cells[self.archive.fitness[cells] >= _least_fitness(request)]
-        fittest_first = cells[np.argsort(-self.archive.fitness[cells], kind="stable")]
+        least = _least_fitness(request)
+        try:
+            seen = self._seen(request.by_mean)
+        except NotFoundError as reason:
+            response.message = str(reason)
+            return
+        cells = seen.filled_cells()
+        cells = cells[seen.fitness[cells] >= least]
+        fittest_first = cells[np.argsort(-seen.fitness[cells], kind="stable")]
         page = fittest_first[request.offset : request.offset + request.limit]
         response.total = len(cells)
         known = self._statistics()

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from graph import Probe
-from pga_me_msgs.srv import GetBehavior, GetBehaviors
+from pga_me_msgs.srv import GetBehavior, GetBehaviors, ListBehaviors
 from stored import Served, served
 
 from pga_me_ros.client import RepertoireClient
@@ -165,6 +165,18 @@ def test_the_nearest_by_mean_has_the_nearest_mean_descriptor(
     )
 
 
+def test_the_list_by_mean_has_those_re_evaluated_and_the_best_on_average_first(
+    client: RepertoireClient, rows: Reevaluations
+) -> None:
+    means = rows.fitness.reshape(-1, REPEATS).mean(axis=1)
+    best_first = rows.evaluation[::REPEATS][np.argsort(-means)].tolist()
+    listed = [b.evaluation for b in client.list_behaviors(by_mean=True, page=7)]
+    assert listed == best_first
+    least = float(np.sort(means)[-3])
+    listed = [b.evaluation for b in client.list_behaviors(by_mean=True, min_fitness=least)]
+    assert listed == best_first[:3]
+
+
 def test_a_behaviour_that_was_not_re_evaluated_says_so(
     repertoire: Served, client: RepertoireClient, rows: Reevaluations
 ) -> None:
@@ -181,6 +193,8 @@ def test_without_re_evaluations_there_is_nothing_to_choose_by(repertoire: Served
     response = ask(repertoire, select=ASK.BEST, by_mean=True)
     assert not response.found
     assert "No behaviour of this repertoire was re-evaluated" in response.message
+    listed = repertoire.probe.call(ListBehaviors, "repertoire/list_behaviors", by_mean=True)
+    assert (listed.ok, listed.total, listed.message) == (True, 0, response.message)
 
 
 def test_foreign_re_evaluations_keep_nothing_else_from_being_served(
