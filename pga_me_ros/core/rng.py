@@ -23,6 +23,7 @@ class Purpose(IntEnum):
     CRITIC_INIT = 7
     CRITIC_TRAINING = 8
     REEVALUATION = 9
+    EXPLORATION = 10
 
 
 def generator(

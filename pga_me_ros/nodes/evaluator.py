@@ -6,7 +6,7 @@ import os
 import socket
 import threading
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from importlib.metadata import version
 
 os.environ.setdefault(
@@ -20,9 +20,10 @@ from pga_me_msgs.srv import Evaluate
 from rclpy.executors import ExternalShutdownException
 
 from pga_me_ros.core.errors import PgaError, RequestError
+from pga_me_ros.core.exploration import exploring
 from pga_me_ros.core.policy import Controller
 from pga_me_ros.core.schedule import evaluation_rng
-from pga_me_ros.core.setting_field import setting
+from pga_me_ros.core.setting_field import checked_value, setting
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.nodes.options import RunOptions
 from pga_me_ros.ros import names, qos
@@ -43,6 +44,9 @@ READER_WAIT = 2.0
 
 ELDER = 5.0
 """Seconds after the start: a namesake that is heard within them was there before."""
+
+EXPLORATION_SIGMA = next(f for f in fields(Settings) if f.name == "exploration_sigma")
+"""The setting that says which noise there may be."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +86,8 @@ class Evaluator(GraphNode):
             if not self.context.ok():
                 raise ExternalShutdownException  # others do what is left of the chunk
             rng = evaluation_rng(request.seed, evaluation)
-            episode = rollout(self._task, controller, rng)
+            acting = exploring(controller, request.exploration_sigma, request.seed, evaluation)
+            episode = rollout(self._task, acting, rng)
             episodes.append(episode)
             self._publish(request, evaluation, episode)
             self.count_done()
@@ -147,6 +152,7 @@ class Evaluator(GraphNode):
 
         Raises:
             RequestError: Wrong task, ids, layers or parameters.
+            SettingsError: The noise is out of its range.
         """
         if request.task != self._task_name:
             raise RequestError(
@@ -158,6 +164,7 @@ class Evaluator(GraphNode):
             raise RequestError(
                 "Give at least one evaluation id; ids, seed and generation must be at least 0."
             )
+        checked_value(EXPLORATION_SIGMA, request.exploration_sigma)
         shape = layers_from_msg(request.layer_sizes, "layer_sizes")
         if (shape.sizes[0], shape.sizes[-1]) != (self._spec.observation_dim, self._spec.action_dim):
             raise RequestError(
