@@ -87,7 +87,7 @@ def reevaluate(
     _require_same_task(info)
     if bests and not on_the_way:
         raise RequestError(
-            f"'{file}' does not tell which controllers were the best ones: an older program stored it; leave --bests out."
+            f"'{file}' does not tell which controllers were the best ones (an older program stored it); omit --bests."
         )
     chosen = (
         {elite.evaluation: elite.parameters for elite in on_the_way}
