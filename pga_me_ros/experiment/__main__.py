@@ -15,11 +15,8 @@ from pga_me_ros.core.storage_file import explained
 from pga_me_ros.core.terminal import Terminal
 from pga_me_ros.experiment.experiment_file import read_experiment
 from pga_me_ros.experiment.matrix import Matrix, Signals
-from pga_me_ros.experiment.plan import Cell
+from pga_me_ros.experiment.plan import COPY, Cell
 from pga_me_ros.experiment.stored_cell import evaluations_so_far, require_own_run
-
-COPY = "experiment.yaml"
-"""Copy of the experiment file in its folder, for the report."""
 
 LOCK = "experiment.lock"
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
@@ -12,6 +12,9 @@ from typing import Any
 from pga_me_ros.core.errors import RequestError, SettingsError, nearest_name
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.tasks.registry import task_spec
+
+COPY = "experiment.yaml"
+"""Copy of the experiment file in the experiment's folder, for the report."""
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 """What can be part of a ROS namespace, and of a path anywhere."""
@@ -46,7 +49,7 @@ class Cell:
     system: str
     task: str
     seed: int
-    given: Mapping[str, Any]
+    given: Mapping[str, Any] = field(compare=False)
 
     @property
     def name(self) -> str:
