@@ -50,7 +50,7 @@ def main() -> int:
         "runs",
         nargs="+",
         type=Path,
-        help="folders of runs, repertoire files, or the folder of an experiment",
+        help="folders of runs, repertoire files, or an experiment's folder",
     )
     parser.add_argument(
         "--compare",

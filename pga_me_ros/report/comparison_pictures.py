@@ -23,7 +23,7 @@ LOOKS = (
     ("#d55e00", (0, (3, 1, 1, 1))),
     ("#000000", (0, (1, 1))),
 )
-"""Colour and line by place of the system: colours that the colour-blind tell apart (Okabe and Ito), and lines besides."""
+"""Colour and line by place of the system: colours that the colour-blind tell apart (Okabe and Ito), lines besides."""
 
 PIXELS = 480
 

@@ -21,14 +21,14 @@ def comparison_table(comparison: Comparison) -> str:
     lines += [
         "",
         "Medians of the runs; p: two-sided Wilcoxon rank-sum test of the runs against those of "
-        f"{comparison.reference}, exact for few runs. Fitness difference: the best controller's one evaluation minus the "
-        "mean of 10 more.",
+        f"{comparison.reference}, exact for few runs. Fitness difference: the best controller's one evaluation "
+        "minus the mean of 10 more.",
         "",
     ]
     for task in comparison.tasks:
         lines.append(
-            f"- {task.task}: after {task.evaluations:,.0f} evaluations; QD-score offset by {task.offset:,.1f}, the lowest "
-            "fitness of all its runs"
+            f"- {task.task}: after {task.evaluations:,.0f} evaluations; QD-score offset by {task.offset:,.1f}, the "
+            "lowest fitness of all its runs"
         )
     if comparison.missing:
         lines += ["", "Runs that are missing:", ""]
@@ -40,7 +40,7 @@ def _row(task: TaskComparison, system: str, reference: str) -> str:
     cells = [task.task, system, str(len(task.systems[system]))]
     for metric in METRICS:
         values = task.final(system, metric)
-        cells.append(f"{np.median(values):,.0f}" if len(values) else "–")
+        cells.append(f"{np.median(values):,.0f}" if len(values) else "-")
         p = math.nan
         if system != reference and reference in task.systems:
             p = rank_sum_p(values, task.final(reference, metric))
@@ -50,5 +50,5 @@ def _row(task: TaskComparison, system: str, reference: str) -> str:
 
 def _p_value(p: float) -> str:
     if math.isnan(p):
-        return "–"
+        return "-"
     return f"{p:.3f}" if p >= 0.001 else f"{p:.0e}"
