@@ -71,3 +71,21 @@ def test_an_equal_does_not_take_the_best_ones_place() -> None:
         before = generation_metrics(archive, batch, archive.add(batch), generation, before)
         best.append(before.best_evaluation)
     assert best == [0, 0, 2, 2]
+
+
+def test_a_solution_that_is_not_offered_counts_as_an_evaluation_alone() -> None:
+    archive = GridArchive((10,), [0.0], [1.0], 1)
+    batch = Solutions.of(
+        fitness=[1, 9, 2, 9],
+        descriptors=np.array([[0.05], [0.05], [0.15], [0.95]]),
+        parameters=np.zeros((4, 1)),
+        evaluations=range(4),
+        operators=[Operator.GREEDY, Operator.GA, Operator.GREEDY, Operator.GA],
+        steps=[10, 20, 30, 40],
+    )
+    added = archive.add(batch, batch.operators != Operator.GA)
+    metrics = generation_metrics(archive, batch, added, 0, None)
+    assert [e.evaluation for e in archive.elites()] == [0, 2]
+    assert (metrics.evaluations, metrics.steps, metrics.qd_score) == (4, 100, 3.0)
+    counts = (metrics.offspring, metrics.new_elites, metrics.improved_elites)
+    assert [(c[Operator.GA], c[Operator.GREEDY]) for c in counts] == [(2, 2), (0, 2), (0, 0)]
