@@ -101,12 +101,15 @@ def _draw_archives(task: TaskComparison, folder: Path) -> list[Path]:
     for axes in grid.flat[len(runs) :]:
         axes.set_visible(False)
     for axes, (system, archive) in zip(grid.flat, archives.items(), strict=False):
-        x, y = zip(archive.low, archive.high, strict=True), (0.0, 1.0)
-        bounds = list(x)
-        extent = (*bounds[0], *(bounds[1] if len(bounds) > 1 else y))
+        bounds = [*zip(archive.low, archive.high, strict=True), (0.0, 1.0)]
+        extent = (*bounds[0], *bounds[1])
         image = render(archive, PIXELS, low, high)
         axes.imshow(image, extent=extent, aspect="auto", interpolation="nearest")
-        label_axes(axes, task.systems[system][0].spec.descriptor_names)
+        label_axes(axes, runs[system].spec.descriptor_names)
+        # All have the same axes: what they are is said once.
+        figure.supxlabel(axes.get_xlabel(), fontsize=10)
+        figure.supylabel(axes.get_ylabel(), fontsize=10)
+        axes.set(xlabel="", ylabel="")
         axes.set_title(f"{system}, seed {runs[system].seed}", fontsize=9)
     colours = LinearSegmentedColormap.from_list("fitness", np.array(ANCHORS) / 255.0)
     scale = mpl.cm.ScalarMappable(Normalize(low, high), colours)
