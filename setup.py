@@ -39,7 +39,8 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
-        (f"share/{PACKAGE}/config", sorted(glob("config/*"))),
+        (f"share/{PACKAGE}/config", sorted(glob("config/*.*"))),
+        (f"share/{PACKAGE}/config/experiments", sorted(glob("config/experiments/*"))),
         (f"lib/{PACKAGE}", [f"resource/executables/{name}" for name in EXECUTABLES]),
     ],
     zip_safe=False,

@@ -83,6 +83,11 @@ class EliteTable:
         return float(self.fitness[self.filled].max()) if len(self) else math.nan
 
     @property
+    def min_fitness(self) -> float:
+        """Fitness of the worst elite, NaN for an empty archive."""
+        return float(self.fitness[self.filled].min()) if len(self) else math.nan
+
+    @property
     def mean_fitness(self) -> float:
         """Mean fitness of the elites, NaN for an empty archive."""
         return self.qd_score() / len(self) if len(self) else math.nan

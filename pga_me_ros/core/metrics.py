@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from pga_me_ros.core.archive import Added, Archive
 from pga_me_ros.core.elites import Operator, Solutions, Status
+
+UNKNOWN = -1
+"""Evaluation id of the best elite where none is known."""
 
 
 @dataclass(frozen=True)
@@ -30,6 +34,9 @@ class Metrics:
         offspring: Solutions evaluated in this generation, per operator.
         new_elites: Solutions that filled an empty cell, per operator.
         improved_elites: Solutions that replaced an elite, per operator.
+        min_fitness: Fitness of the worst elite; NaN in what was stored by an older program.
+        best_evaluation: Evaluation id of the best elite: of equals the one that was found first, so that it changes
+            only when the best fitness does; -1 in what was stored by an older program.
     """
 
     generation: int
@@ -44,6 +51,8 @@ class Metrics:
     offspring: tuple[int, ...]
     new_elites: tuple[int, ...]
     improved_elites: tuple[int, ...]
+    min_fitness: float = math.nan
+    best_evaluation: int = UNKNOWN
 
     def __post_init__(self) -> None:
         """Give every operator its count."""
@@ -79,7 +88,21 @@ def generation_metrics(
         offspring=_per_operator(batch, np.ones(len(batch), np.bool_)),
         new_elites=_per_operator(batch, added.status == Status.NEW),
         improved_elites=_per_operator(batch, added.status == Status.IMPROVED),
+        min_fitness=archive.min_fitness,
+        best_evaluation=_best_evaluation(archive, before),
     )
+
+
+def _best_evaluation(archive: Archive, before: Metrics | None) -> int:
+    """Return the evaluation id of the best elite; only a fitter one replaces that of the generation before."""
+    if not len(archive):
+        return UNKNOWN
+    known = before is not None and before.best_evaluation != UNKNOWN
+    if before is not None and known and archive.max_fitness <= before.max_fitness:
+        return before.best_evaluation
+    cells = archive.filled_cells()
+    fittest = cells[archive.fitness[cells] == archive.max_fitness]
+    return int(archive.evaluations[fittest].min())
 
 
 def _per_operator(batch: Solutions, chosen: np.ndarray) -> tuple[int, ...]:

@@ -25,6 +25,8 @@ _NUMBERS = (
     "mean_fitness",
     "steps",
     "total_steps",
+    "min_fitness",
+    "best_evaluation",
 )
 _PER_OPERATOR = ("offspring", "new_elites", "improved_elites")
 

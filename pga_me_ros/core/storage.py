@@ -15,8 +15,15 @@ from pga_me_ros.core.elites import Elite
 from pga_me_ros.core.errors import StorageError
 from pga_me_ros.core.file_lock import FileLock
 from pga_me_ros.core.generation_files import generations_of
-from pga_me_ros.core.metrics import Metrics
+from pga_me_ros.core.metrics import UNKNOWN, Metrics
 from pga_me_ros.core.run_info import SCHEMA_VERSION, RunInfo
+from pga_me_ros.core.storage_extremes import (
+    GENERATIONS,
+    OLDER_GENERATIONS,
+    has_extremes,
+    read_bests,
+    store_extremes,
+)
 from pga_me_ros.core.storage_file import connect, create_file, explained, require_no_loss
 from pga_me_ros.core.storage_rows import (
     Damaged,
@@ -34,8 +41,6 @@ __all__ = ["SCHEMA_VERSION", "Repertoire", "RunInfo"]
 
 PREDECESSOR_WAIT = 3.0
 """Seconds that a writer which is about to end gets to let go of the file."""
-
-LAST_GENERATION = "SELECT * FROM generations ORDER BY generation DESC LIMIT 1"
 
 
 class Repertoire:
@@ -57,6 +62,7 @@ class Repertoire:
         self._connection = connection
         self._lock = lock
         with explained(path):
+            self._generations = GENERATIONS if has_extremes(connection) else OLDER_GENERATIONS
             self.info, _ = row_to_archive(self._run_row())
             rows = connection.execute("SELECT cell, digest FROM elites").fetchall()
         self._digests: dict[int, bytes] = dict(rows)
@@ -178,6 +184,7 @@ class Repertoire:
         with explained(self.path), self._transaction("IMMEDIATE"):
             self._insert("elites", rows)
             self._insert("generations", [row])
+            store_extremes(self._connection, metrics)
         self._digests = digests
         return True
 
@@ -210,11 +217,29 @@ class Repertoire:
             StorageError: A row is damaged or missing.
         """
         with explained(self.path):
-            query = "SELECT * FROM generations ORDER BY generation"
+            query = f"{self._generations} ORDER BY generation"
             rows = [row_to_generation(row) for row in self._connection.execute(query)]
             if [row.metrics.generation for row in rows] != list(range(len(rows))):
                 raise Damaged("the row of a generation is missing")
+            known = [row.metrics.best_evaluation != UNKNOWN for row in rows]
+            if known != sorted(
+                known
+            ):  # since a program stores them, it does so in every generation
+                raise Damaged("the row of extremes of a generation is missing")
         return rows
+
+    def bests(self) -> list[Elite]:
+        """Return every elite that was the best one after some generation, in the order in which they were found.
+
+        Elites that others have replaced since are among them. Of generations that an older program stored, they are not
+        known.
+
+        Raises:
+            StorageError: A row is damaged or missing.
+        """
+        with explained(self.path), self._transaction("DEFERRED"):
+            _, archive = row_to_archive(self._run_row())
+            return read_bests(self._connection, archive)
 
     def generation(self, generation: int) -> Generation:
         """Return what is stored of one generation beside its elites.
@@ -223,7 +248,7 @@ class Repertoire:
             StorageError: Its row is damaged or missing.
         """
         with explained(self.path):
-            query = "SELECT * FROM generations WHERE generation = ?"
+            query = f"{self._generations} WHERE generation = ?"
             row = self._connection.execute(query, (generation,)).fetchone()
             if row is None:
                 raise Damaged(f"the row of generation {generation} is missing")
@@ -284,7 +309,8 @@ class Repertoire:
 
     def _last(self) -> Generation | None:
         with explained(self.path):
-            row = self._connection.execute(LAST_GENERATION).fetchone()
+            query = f"{self._generations} ORDER BY generation DESC LIMIT 1"
+            row = self._connection.execute(query).fetchone()
             return None if row is None else row_to_generation(row)
 
     def _insert(self, table: str, rows: Sequence[Row]) -> None:

@@ -13,6 +13,7 @@ from pga_me_ros.core.archive import Archive
 from pga_me_ros.core.errors import StorageError
 from pga_me_ros.core.folders import sync_folder
 from pga_me_ros.core.run_info import SCHEMA_VERSION, RunInfo
+from pga_me_ros.core.storage_extremes import EXTREMES_SCHEMA, has_extremes
 from pga_me_ros.core.storage_rows import SCHEMA, Damaged, archive_to_row
 
 APPLICATION_ID = 0x5047414D
@@ -75,6 +76,8 @@ def connect(path: Path, read_only: bool) -> sqlite3.Connection:
             if not read_only:
                 connection.execute("PRAGMA journal_mode = WAL")
                 connection.execute("PRAGMA synchronous = FULL")
+                if not has_extremes(connection):
+                    connection.executescript(EXTREMES_SCHEMA)
         except BaseException:
             connection.close()
             raise
@@ -131,7 +134,7 @@ def _empty_file(path: Path) -> sqlite3.Connection:
     connection.execute("PRAGMA synchronous = FULL")
     connection.execute(f"PRAGMA application_id = {APPLICATION_ID}")
     connection.execute(f"PRAGMA user_version = {SCHEMA_VERSION}")
-    connection.executescript(SCHEMA)
+    connection.executescript(SCHEMA + EXTREMES_SCHEMA)
     return connection
 
 

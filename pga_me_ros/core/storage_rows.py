@@ -64,7 +64,9 @@ CREATE TABLE generations (
 """
 
 DIGEST_SIZE = 32
-METRICS = tuple(f.name for f in fields(Metrics))
+EXTREMES = ("min_fitness", "best_evaluation")
+"""Metrics that came later, in a table of their own (`storage_extremes`)."""
+METRICS = tuple(f.name for f in fields(Metrics) if f.name not in EXTREMES)
 _PER_OPERATOR = ("offspring", "new_elites", "improved_elites")
 
 Row = Sequence[Any]
@@ -198,9 +200,13 @@ class Generation:
 def row_to_generation(row: Row) -> Generation:
     """Return what `metrics_to_row` made a row of.
 
+    Args:
+        row: Its columns, and those of the table `extremes` without the generation: all None where there are none.
+
     Raises:
         Damaged: The row is damaged.
     """
+    *row, min_fitness, best_evaluation, extremes_digest = row
     *columns, elites_digest, digest = row
     try:
         sound = _generation_digest(columns, elites_digest) == digest
@@ -210,6 +216,11 @@ def row_to_generation(row: Row) -> Generation:
         raise Damaged(f"the row of generation {row[0]!r} is damaged")
     values = dict(zip(METRICS, columns, strict=False))
     values |= {name: tuple(json.loads(values[name])) for name in _PER_OPERATOR}
+    if extremes_digest is not None:
+        extremes = (row[0], min_fitness, best_evaluation)
+        if extremes_digest_of(extremes) != extremes_digest:
+            raise Damaged(f"the row of extremes of generation {row[0]!r} is damaged")
+        values |= dict(zip(EXTREMES, extremes[1:], strict=True))
     rates, committed = columns[len(METRICS) :]
     return Generation(Metrics(**values), json.loads(rates), committed, elites_digest)
 
@@ -220,6 +231,11 @@ def xor_digests(digests: Sequence[bytes]) -> bytes:
     for digest in digests:
         total ^= int.from_bytes(digest, "little")
     return total.to_bytes(DIGEST_SIZE, "little")
+
+
+def extremes_digest_of(columns: Sequence[Any]) -> bytes:
+    """Return the digest of a row of the table `extremes`, given without it."""
+    return hashlib.sha256(repr(tuple(columns)).encode()).digest()
 
 
 def _run_digest(info: str, geometry: str, centroids: bytes) -> bytes:

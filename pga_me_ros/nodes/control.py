@@ -12,8 +12,9 @@ from std_srvs.srv import Trigger
 
 from pga_me_ros.core.errors import SettingsError
 from pga_me_ros.core.settings import RATES, Settings
+from pga_me_ros.core.terminal import Terminal
+from pga_me_ros.nodes.calm_logger import CalmLogger
 from pga_me_ros.nodes.options import RunOptions
-from pga_me_ros.nodes.terminal import CalmLogger, Terminal
 from pga_me_ros.ros import names
 from pga_me_ros.ros.parameters import declare_run, on_change
 from pga_me_ros.ros.refusals import CalmRefusals

@@ -15,6 +15,8 @@ import numpy as np
 from pga_me_ros.core.archive import Archive
 from pga_me_ros.core.errors import RequestError, StorageError
 from pga_me_ros.core.file_lock import FileLock
+from pga_me_ros.core.fitness_difference import fitness_differences
+from pga_me_ros.core.metrics import Metrics
 from pga_me_ros.core.policy import MlpShape
 from pga_me_ros.core.program import run_program
 from pga_me_ros.core.reevaluations import FILE, Reevaluations, Statistics
@@ -43,12 +45,18 @@ def main(args: Sequence[str] | None = None) -> int:
     asked = _parser().parse_args(args)
 
     def work() -> None:
-        print(reevaluate(asked.run, asked.repeats, asked.best, asked.processes))
+        print(reevaluate(asked.run, asked.repeats, asked.best, asked.processes, asked.bests))
 
     return run_program(work, stopped="stopped; the same command goes on from here")
 
 
-def reevaluate(run: Path, repeats: int, best: int | None = None, processes: int = 0) -> str:
+def reevaluate(
+    run: Path,
+    repeats: int,
+    best: int | None = None,
+    processes: int = 0,
+    bests: bool = False,
+) -> str:
     """Evaluate elites until each has so many repeats; those that are there already are not done again.
 
     Args:
@@ -56,6 +64,7 @@ def reevaluate(run: Path, repeats: int, best: int | None = None, processes: int 
         repeats: Wanted repeats of each elite.
         best: Only so many of the fittest elites, None for all.
         processes: Processes to use, 0 for one per core.
+        bests: Whether to evaluate the best controller of every generation in place of the elites there are now.
 
     Returns:
         What the statistics say, in words.
@@ -71,16 +80,37 @@ def reevaluate(run: Path, repeats: int, best: int | None = None, processes: int 
         if value is not None and value < least:
             raise RequestError(f"--{name} is {value}; give {least} or more.")
     with Repertoire.open(file, read_only=True) as repertoire:
-        info, archive = repertoire.info, repertoire.load_archive()
+        info, archive, metrics = repertoire.info, repertoire.load_archive(), repertoire.metrics()
+        on_the_way = repertoire.bests() if bests else []
     if not len(archive):
         raise RequestError(f"'{file}' holds no controller yet; run it for longer first.")
     _require_same_task(info)
+    if bests and not on_the_way:
+        raise RequestError(
+            f"'{file}' does not tell which controllers were the best ones (an older program stored it); omit --bests."
+        )
+    chosen = (
+        {elite.evaluation: elite.parameters for elite in on_the_way}
+        if bests
+        else _chosen(archive, best)
+    )
     lock = FileLock(file.with_name(f"{FILE}.lock"))
     try:
-        rows = _grown(file, info, archive, repeats, _chosen(archive, best), processes)
+        rows = _grown(file, info, archive.dimensions, repeats, chosen, processes)
     finally:
         lock.release()
-    return summary(archive, rows.statistics(archive))
+    return luck(metrics, rows, repeats) if bests else summary(archive, rows.statistics(archive))
+
+
+def luck(metrics: Sequence[Metrics], rows: Reevaluations, repeats: int) -> str:
+    """Return the fitness difference of the best controllers, in words."""
+    differences = fitness_differences(metrics, rows, repeats)
+    last, count = metrics[-1], len({m.best_evaluation for m in metrics})
+    return (
+        f"{count} controllers were the best one on the way; the last has the fitness {last.max_fitness:.1f} in one "
+        f"evaluation, {last.max_fitness - differences[-1]:.1f} on average of {repeats} "
+        f"(difference {differences[-1]:.1f})"
+    )
 
 
 def summary(archive: Archive, known: Statistics) -> str:
@@ -115,24 +145,24 @@ def _require_same_task(info: RunInfo) -> None:
         print(f"note: not the library that the run was made with: {difference}", file=sys.stderr)
 
 
-def _chosen(archive: Archive, best: int | None) -> np.ndarray:
-    """Return the evaluation ids of the elites to evaluate, the fittest first."""
+def _chosen(archive: Archive, best: int | None) -> dict[int, np.ndarray]:
+    """Return the parameters of the elites to evaluate by their evaluation ids, the fittest first."""
     cells = archive.filled_cells()
     fittest_first = cells[np.argsort(-archive.fitness[cells], kind="stable")]
-    return archive.evaluations[fittest_first[:best]]
+    return {int(archive.evaluations[c]): archive.parameters[c] for c in fittest_first[:best]}
 
 
 def _grown(
     file: Path,
     info: RunInfo,
-    archive: Archive,
+    dimensions: int,
     repeats: int,
-    evaluations: np.ndarray,
+    chosen: dict[int, np.ndarray],
     processes: int,
 ) -> Reevaluations:
     """Return all re-evaluations of a run after those that were missing were done, and stored on the way."""
-    rows = Reevaluations.load(file, info.run_id, archive.dimensions)
-    jobs = _jobs(archive, rows.missing(evaluations, repeats))
+    rows = Reevaluations.load(file, info.run_id, dimensions)
+    jobs = _jobs(chosen, rows.missing(np.array(list(chosen), np.int64), repeats))
     total = sum(len(job.repeats) for job in jobs)
     new: list[Outcome] = []
     saved = -math.inf
@@ -159,14 +189,13 @@ def _grown(
     return rows
 
 
-def _jobs(archive: Archive, missing: list[tuple[int, int]]) -> list[Job]:
+def _jobs(chosen: dict[int, np.ndarray], missing: list[tuple[int, int]]) -> list[Job]:
     """Return what is missing in pieces that are done in seconds, so that little is lost when it is cut off."""
     wanted: dict[int, list[int]] = {}
     for evaluation, repeat in missing:
         wanted.setdefault(evaluation, []).append(repeat)
-    cell_of = {int(archive.evaluations[c]): c for c in archive.filled_cells().tolist()}
     return [
-        Job(evaluation, tuple(piece), archive.parameters[cell_of[evaluation]])
+        Job(evaluation, tuple(piece), chosen[evaluation])
         for evaluation, repeats in wanted.items()
         for piece in (repeats[i : i + PIECE] for i in range(0, len(repeats), PIECE))
     ]
@@ -200,7 +229,13 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("run", type=Path, metavar="RUN", help="folder of a run, or repertoire file")
     parser.add_argument("--repeats", type=int, default=10, metavar="N", help="per elite (10)")
-    parser.add_argument("--best", type=int, metavar="N", help="only the N fittest elites")
+    which = parser.add_mutually_exclusive_group()
+    which.add_argument("--best", type=int, metavar="N", help="only the N fittest elites")
+    which.add_argument(
+        "--bests",
+        action="store_true",
+        help="the best controller of every generation instead, for the fitness difference of the paper",
+    )
     parser.add_argument(
         "--processes", type=int, default=0, metavar="N", help="to use; 0, the default: one per core"
     )

@@ -1,4 +1,7 @@
-"""``ros2 run pga_me_ros report RUN...``: archive, lineage and learning curves of stored runs, and a table."""
+"""``ros2 run pga_me_ros report RUN...``: archive, lineage and learning curves of stored runs, and a table.
+
+Of an experiment's folder, or with --compare: systems side by side, with medians and p-values.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +11,11 @@ from pathlib import Path
 
 import numpy as np
 
+from pga_me_ros.core.errors import RequestError
 from pga_me_ros.core.program import run_program
+from pga_me_ros.report.compared_run import ComparedRun
+from pga_me_ros.report.comparison import Comparison, compare, compare_experiment, is_experiment
+from pga_me_ros.report.comparison_table import comparison_table
 from pga_me_ros.report.stored_run import StoredRun
 
 
@@ -39,13 +46,32 @@ def _line(task: str, seed: str, row: tuple[float, ...]) -> str:
 def main() -> int:
     """Draw the pictures, print the table."""
     parser = argparse.ArgumentParser(prog="report", description=__doc__)
-    parser.add_argument("runs", nargs="+", type=Path, help="folders of runs, or repertoire files")
+    parser.add_argument(
+        "runs",
+        nargs="+",
+        type=Path,
+        help="folders of runs, repertoire files, or an experiment's folder",
+    )
+    parser.add_argument(
+        "--compare",
+        action="store_true",
+        help="compare the systems of the runs; the folder of an experiment always is compared",
+    )
     parser.add_argument(
         "--out", type=Path, default=Path("report"), help="folder for the pictures (report)"
     )
     arguments = parser.parse_args()
 
     def work() -> None:
+        comparison = compared(arguments.runs, asked=arguments.compare)
+        if comparison:
+            arguments.out.mkdir(parents=True, exist_ok=True)
+            table_file = arguments.out / "comparison.md"
+            print(comparison_table(comparison))
+            table_file.write_text(comparison_table(comparison) + "\n")
+            for file in [table_file, *draw_comparison(comparison, arguments.out)]:
+                print(file)
+            return
         runs = [StoredRun.load(path) for path in arguments.runs]
         arguments.out.mkdir(parents=True, exist_ok=True)
         print(table(runs))
@@ -53,6 +79,30 @@ def main() -> int:
             print(file)
 
     return run_program(work)
+
+
+def compared(paths: list[Path], *, asked: bool) -> Comparison | None:
+    """Return the comparison of an experiment or of runs, None where there is nothing to compare.
+
+    Raises:
+        RequestError: Paths are mixed, or the runs cannot be compared.
+        StorageError: A run cannot be read.
+    """
+    experiments = [path for path in paths if is_experiment(path)]
+    if experiments and len(paths) > 1:
+        raise RequestError(
+            f"'{experiments[0]}' is an experiment, which is compared by itself; give it alone, or runs with --compare."
+        )
+    if experiments:
+        return compare_experiment(paths[0])
+    return compare([ComparedRun.load(path) for path in paths]) if asked else None
+
+
+def draw_comparison(comparison: Comparison, folder: Path) -> list[Path]:
+    """Draw Figure 3 and Figure 4 of the paper; returns the files."""
+    from pga_me_ros.report.comparison_pictures import draw_archives_compared, draw_curves_compared
+
+    return draw_curves_compared(comparison, folder) + draw_archives_compared(comparison, folder)
 
 
 def draw(runs: list[StoredRun], folder: Path) -> list[Path]:

@@ -45,12 +45,32 @@ def two_generations() -> list[Metrics]:
         ("offspring", (0, 1, 2, 1, 0), (0, 1, 2, 1, 0)),
         ("new_elites", (0, 1, 0, 1, 0), (0, 0, 2, 0, 0)),
         ("improved_elites", (0, 0, 1, 0, 0), (0, 0, 0, 1, 0)),
+        ("min_fitness", 2.0, 4.0),
+        ("best_evaluation", 1, 4),
     ],
 )
 def test_metrics_are_those_counted_by_hand(
     two_generations: list[Metrics], name: str, first: object, second: object
 ) -> None:
     assert [getattr(metrics, name) for metrics in two_generations] == [first, second]
+
+
+def test_an_equal_does_not_take_the_best_ones_place() -> None:
+    archive = GridArchive((10,), [0.0], [1.0], 1)
+    before: Metrics | None = None
+    best = []
+    for generation, (fitness, descriptor) in enumerate(
+        [(5, 0.55), (5, 0.05), (6, 0.95), (1, 0.25)]
+    ):
+        batch = Solutions.of(
+            fitness=[fitness],
+            descriptors=[[descriptor]],
+            parameters=np.zeros((1, 1)),
+            evaluations=[generation],
+        )
+        before = generation_metrics(archive, batch, archive.add(batch), generation, before)
+        best.append(before.best_evaluation)
+    assert best == [0, 0, 2, 2]
 
 
 def test_a_solution_that_is_not_offered_counts_as_an_evaluation_alone() -> None:

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
+import math
+import sqlite3
 import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
-from repertoires import INFO, RATES, empty, generations, grow, make
+from repertoires import INFO, RATES, P, empty, generations, grow, make
 
-from pga_me_ros.core.archive import CvtArchive
+from pga_me_ros.core.archive import CvtArchive, GridArchive, Solutions
 from pga_me_ros.core.errors import StorageError
+from pga_me_ros.core.metrics import generation_metrics
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.core.storage import Repertoire, RunInfo
 
@@ -199,3 +204,49 @@ def test_tied_centroids_keep_their_index(path: Path) -> None:
     Repertoire.create(path, INFO, twins).close()
     with Repertoire.open(path) as repertoire:
         assert repertoire.load_archive().cell_of([[0.1, 0.1]]).tolist() == [0]
+
+
+def test_every_controller_that_was_the_best_one_is_kept(tmp_path: Path) -> None:
+    archive, before, bests = GridArchive((4,), [0.0], [1.0], P), None, []
+    with Repertoire.create(tmp_path / "repertoire.db", INFO, archive) as repertoire:
+        for generation, (fitness, where) in enumerate([(1, 0.1), (2, 0.1), (1, 0.9), (3, 0.1)]):
+            batch = Solutions.of(
+                fitness=[fitness],
+                descriptors=[[where]],
+                parameters=np.full((1, P), generation),
+                evaluations=[generation],
+                generation=generation,
+            )
+            added = archive.add(batch)
+            before = generation_metrics(archive, batch, added, generation, before)
+            elites = [archive.elite(cell) for cell in added.changed_cells]
+            repertoire.commit(generation, elites, before, RATES)
+            bests.append(archive.best().to_bytes())
+        kept = {best.evaluation: best.to_bytes() for best in repertoire.bests()}
+        assert [m.best_evaluation for m in repertoire.metrics()] == [0, 1, 1, 3]
+    # Two of them were replaced in their cell by the next one.
+    assert kept == {0: bests[0], 1: bests[1], 3: bests[3]}
+
+
+def as_an_older_program_left_it(path: Path) -> None:
+    with contextlib.closing(sqlite3.connect(path)) as connection, connection:
+        connection.execute("DROP TABLE extremes")
+        connection.execute("DROP TABLE bests")
+
+
+def test_a_file_of_an_older_program_is_read_and_gone_on_with(tmp_path: Path) -> None:
+    path = tmp_path / "repertoire.db"
+    make(path, 3)
+    as_an_older_program_left_it(path)
+    with Repertoire.open(path, read_only=True) as repertoire:
+        older = repertoire.metrics()
+        assert [math.isnan(m.min_fitness) for m in older] == [True] * 3
+        assert [m.best_evaluation for m in older] == [-1] * 3
+        assert repertoire.bests() == []
+    *_, (generation, elites, metrics) = generations(archive := empty(), 4)
+    with Repertoire.open(path) as repertoire:
+        repertoire.commit(generation, elites, metrics, RATES)
+        assert repertoire.metrics()[-1] == metrics
+        (best,) = repertoire.bests()
+    assert best.to_bytes() == archive.best().to_bytes()
+    assert best.generation < generation  # it was the best one before, and is kept all the same

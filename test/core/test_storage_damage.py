@@ -23,14 +23,15 @@ def path(tmp_path: Path) -> Path:
 def _contents(path: Path) -> tuple:
     with Repertoire.open(path, read_only=True) as repertoire:
         archive, metrics = repertoire.load_archive(), repertoire.metrics()
-        return archive.digest(), metrics, repertoire.rates(), repertoire.info
+        bests = [best.to_bytes() for best in repertoire.bests()]
+        return archive.digest(), metrics, repertoire.rates(), repertoire.info, bests
 
 
 def test_a_flipped_bit_is_detected_or_harmless(path: Path) -> None:
     make(path)
     intact, original = _contents(path), path.read_bytes()
     detected = 0
-    for position in np.random.default_rng(0).integers(0, 8 * len(original), 250).tolist():
+    for position in np.random.default_rng(0).integers(0, 8 * len(original), 400).tolist():
         damaged = bytearray(original)
         damaged[position // 8] ^= 1 << position % 8
         path.write_bytes(damaged)
@@ -63,6 +64,11 @@ def test_a_truncated_file_is_detected(path: Path, share: float) -> None:
         "UPDATE run SET info = replace(info, 'relu', 'tanh')",
         "DELETE FROM run",
         "DROP TABLE generations",
+        "UPDATE extremes SET min_fitness = -1e9 WHERE generation = 1",
+        "UPDATE extremes SET best_evaluation = 0 WHERE generation = 3",
+        "DELETE FROM extremes WHERE generation = 2",
+        "UPDATE bests SET fitness = fitness + 1",
+        "DELETE FROM bests WHERE evaluation = (SELECT max(evaluation) FROM bests)",
         "ALTER TABLE elites RENAME COLUMN digest TO checksum",
     ],
 )
@@ -111,9 +117,27 @@ def wal_frame(path: Path, number: int) -> int:
     return 32 + number * (24 + int.from_bytes(path.read_bytes()[8:12]))
 
 
+def commit_frame(path: Path, generation: int) -> int:
+    """Return the number of the frame that ends the commit of a generation: it tells the size of the database."""
+    content = path.read_bytes()
+    frames = (len(content) - 32) // (24 + int.from_bytes(content[8:12]))
+    starts = [wal_frame(path, number) for number in range(frames)]
+    return [n for n, at in enumerate(starts) if int.from_bytes(content[at + 4 : at + 8])][
+        generation
+    ]
+
+
 @pytest.mark.parametrize(
     ("frame", "lost"),
-    [(-1, True), (0, True), (5, True), (7, False), (20, False), ("cut", True), ("gone", True)],
+    [
+        (-1, True),
+        (0, True),
+        ("commit 2", True),
+        ("commit 3", False),
+        (20, False),
+        ("cut", True),
+        ("gone", True),
+    ],
 )
 def test_a_log_that_is_damaged_takes_no_generation_away_unnoticed(
     path: Path, frame: int | str, lost: bool
@@ -129,6 +153,8 @@ def test_a_log_that_is_damaged_takes_no_generation_away_unnoticed(
         os.truncate(log, wal_frame(log, 2))
     else:
         content = bytearray(log.read_bytes())
+        if isinstance(frame, str):
+            frame = commit_frame(log, int(frame.removeprefix("commit ")))
         content[24 if frame == -1 else wal_frame(log, int(frame)) + 100] ^= 1
         log.write_bytes(content)
     store_experience(path.parent, 3)

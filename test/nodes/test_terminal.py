@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 from rclpy.logging import get_logger
 
-from pga_me_ros.nodes.terminal import CalmLogger, Terminal, fitted
+from pga_me_ros.core.terminal import Terminal, fitted
+from pga_me_ros.nodes.calm_logger import CalmLogger
 
 PARTS = ["qd_ant", "evaluations 5/9", "best 3"]
 

@@ -1,4 +1,4 @@
-"""What a run prints: lines that stay, and one line of progress that is written over in place."""
+"""What a program prints on the way: lines that stay, and one line of progress that is written over in place."""
 
 from __future__ import annotations
 
@@ -10,22 +10,23 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, TextIO
-
-from rclpy.impl.rcutils_logger import RcutilsLogger
+from typing import TextIO
 
 CLEAR = "\r\x1b[K"
 """Back to the start of the line, and wipe it."""
 
 
 class Terminal:
-    """Standard output of the orchestrator; safe to use from several threads.
+    """Standard output of a program that takes its time; safe to use from several threads.
 
     Where it is no terminal, every line of progress is a line of its own.
+
+    Attributes:
+        in_place: Whether the line of progress is written over, and may change as often as it likes.
     """
 
     def __init__(self) -> None:
-        self._in_place = sys.stdout.isatty() and os.environ.get("TERM") != "dumb"
+        self.in_place = sys.stdout.isatty() and os.environ.get("TERM") != "dumb"
         self._status: Sequence[str] = ()
         self._lock = threading.RLock()
         self._log: TextIO | None = None
@@ -59,7 +60,7 @@ class Terminal:
         """
         self.note("  ".join(parts))
         with self._lock:
-            if self._in_place:
+            if self.in_place:
                 self._status = tuple(parts)
                 self._draw()
             else:
@@ -103,39 +104,3 @@ def _columns() -> int:
         return os.get_terminal_size(sys.stdout.fileno()).columns or 80
     except OSError:
         return 80
-
-
-class CalmLogger:
-    """A node's logger that takes the line of progress out of its way.
-
-    Args:
-        logger: The logger of rclpy.
-        terminal: Where progress is shown.
-    """
-
-    def __init__(self, logger: RcutilsLogger, terminal: Terminal) -> None:
-        self._logger = logger
-        self._terminal = terminal
-
-    def __getattr__(self, name: str) -> Any:
-        """Everything else is the logger's own."""
-        return getattr(self._logger, name)
-
-    # A method each: rclpy remembers a severity for every line of code that logs.
-    def info(self, message: str) -> None:
-        """Log what is good to know."""
-        self._terminal.note(message)
-        with self._terminal.aside():
-            self._logger.info(message)
-
-    def warning(self, message: str) -> None:
-        """Log what the run copes with."""
-        self._terminal.note(f"warning: {message}")
-        with self._terminal.aside():
-            self._logger.warning(message)
-
-    def error(self, message: str) -> None:
-        """Log what it does not cope with."""
-        self._terminal.note(f"error: {message}")
-        with self._terminal.aside():
-            self._logger.error(message)

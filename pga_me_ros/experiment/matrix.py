@@ -1,0 +1,229 @@
+"""The matrix under way: runs side by side, progress, failures, and a good end."""
+
+from __future__ import annotations
+
+import math
+import signal
+import threading
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import FrameType
+
+from pga_me_ros.core.errors import PgaError
+from pga_me_ros.core.terminal import Terminal
+from pga_me_ros.experiment.cell_run import CellRun
+from pga_me_ros.experiment.estimate import Estimate
+from pga_me_ros.experiment.plan import Cell
+
+POLL = 0.2
+"""Seconds between two looks at the processes."""
+
+CALM = 60.0
+"""Seconds between two lines of progress where each stays, as in a log file."""
+
+PARTICIPANTS = 30
+"""Processes of a machine that surely find each other in one ROS domain: Fast DDS looks for the first 32."""
+
+SINGLE_NODES = 4
+"""Processes of a run beside its evaluators."""
+
+
+class Signals:
+    """Ctrl-C and SIGTERM: the first asks all runs to stop, the second ends everything at once.
+
+    Attributes:
+        received: Number of the first signal, 0 for none.
+        impatient: Whether there was a second one.
+    """
+
+    def __init__(self) -> None:
+        self.received: int = 0
+        self.impatient = False
+        self._event = threading.Event()
+        signal.signal(signal.SIGINT, self._handle)
+        signal.signal(signal.SIGTERM, self._handle)
+
+    def _handle(self, number: int, _: FrameType | None) -> None:
+        self.impatient = bool(self.received)
+        self.received = self.received or number
+        self._event.set()
+
+    def wait(self, seconds: float) -> None:
+        """Wait, for less when a signal comes."""
+        self._event.wait(seconds)
+        self._event.clear()
+
+
+@dataclass(frozen=True)
+class Failure:
+    """A run that could not be carried out.
+
+    Attributes:
+        cell: Its cell.
+        reason: Why, in words.
+        log: File that tells more.
+    """
+
+    cell: Cell
+    reason: str
+    log: Path
+
+    def __str__(self) -> str:
+        """Return it in a line."""
+        return f"{self.cell.name}: {self.reason.rstrip('.')}. See {self.log}."
+
+
+class Matrix:
+    """Carries out cells.
+
+    Args:
+        cells: The cells to carry out.
+        folder: Folder of the experiment.
+        jobs: Greatest number of runs at a time.
+        cores: Cores that they share.
+        domain: ROS domain of the first ones.
+        terminal: Where progress is shown.
+
+    Attributes:
+        failures: Runs that failed.
+    """
+
+    def __init__(
+        self,
+        cells: Sequence[Cell],
+        folder: Path,
+        *,
+        jobs: int,
+        cores: int,
+        domain: int,
+        terminal: Terminal,
+    ) -> None:
+        self._budget = {
+            cell: cell.settings.generations * cell.settings.batch_size for cell in cells
+        }
+        self._folder = folder
+        self._todo = list(cells)
+        self._running: dict[int, CellRun] = {}
+        self._done: dict[Cell, int] = dict.fromkeys(cells, 0)
+        self._finished = 0
+        self._jobs = min(jobs, len(cells))
+        self._evaluators = max(1, cores // max(1, self._jobs))
+        self._domain = domain
+        self._terminal = terminal
+        self._estimate = Estimate()
+        self._shown = -math.inf
+        self.failures: list[Failure] = []
+
+    def run(self, signals: Signals) -> None:
+        """Carry out all cells, or what a signal leaves time for; no process is left when it returns."""
+        try:
+            while (self._todo or self._running) and not signals.received:
+                self._start()
+                self._look()
+                self._show()
+                if self._running:
+                    signals.wait(POLL)
+        finally:
+            self._end(signals)
+
+    @property
+    def finished(self) -> int:
+        """Number of cells that need nothing more."""
+        return self._finished
+
+    def _start(self) -> None:
+        """Start runs in the places that are free."""
+        for slot in range(self._jobs):
+            while slot not in self._running and self._todo:
+                cell = self._todo.pop(0)
+                domain = self._domain + slot // max(
+                    1, PARTICIPANTS // (SINGLE_NODES + self._evaluators)
+                )
+                run = CellRun(cell, self._folder, self._folder.name, self._evaluators, domain)
+                try:
+                    going = run.start()
+                except (PgaError, OSError) as error:
+                    self._failed(run, error)
+                    continue
+                self._done[cell] = run.begun_with
+                if going:
+                    self._running[slot] = run
+                else:
+                    self._ended(run)
+
+    def _look(self) -> None:
+        """Look after the runs that are under way."""
+        for slot, run in list(self._running.items()):
+            try:
+                going = run.poll()
+            except (PgaError, OSError) as error:
+                del self._running[slot]
+                self._failed(run, error)
+                continue
+            if not going:
+                del self._running[slot]
+                self._ended(run)
+
+    def _ended(self, run: CellRun) -> None:
+        run.close()
+        self._finished += 1
+        self._done[run.cell] = self._budget[run.cell]
+        self._terminal.say(f"finished {run.cell.name}")
+
+    def _failed(self, run: CellRun, error: Exception) -> None:
+        run.close()
+        self.failures.append(Failure(run.cell, str(error), run.log))
+        self._terminal.say(f"failed {self.failures[-1]}")
+
+    def _show(self) -> None:
+        """Show progress: as often as it changes where it stays in one line, now and then elsewhere."""
+        now = time.monotonic()
+        if now < self._shown + (1.0 if self._terminal.in_place else CALM) or not self._running:
+            return
+        self._shown = now
+        for run in self._running.values():
+            self._done[run.cell] = max(run.evaluations, self._done[run.cell])
+            self._estimate.note(run.cell, self._done[run.cell] - run.begun_with, run.seconds)
+        self._terminal.show(self.progress())
+
+    def progress(self) -> list[str]:
+        """Return the line of progress in parts, the least important last."""
+        failed = {failure.cell for failure in self.failures}
+        left = {
+            cell: budget - self._done[cell]
+            for cell, budget in self._budget.items()
+            if cell not in failed and budget > self._done[cell]
+        }
+        seconds = self._estimate.remaining(left, self._jobs)
+        parts = [
+            f"runs {self._finished}/{len(self._budget)}",
+            f"ETA {duration(seconds)}",
+            f"evaluations {sum(self._done.values()):,}/{sum(self._budget.values()):,}",
+        ]
+        if failed:
+            parts.insert(1, f"failed {len(failed)}")
+        return [*parts, f"running {', '.join(run.cell.name for run in self._running.values())}"]
+
+    def _end(self, signals: Signals) -> None:
+        """Stop what runs; whoever asks twice does not want to wait."""
+        self._terminal.close()
+        for run in self._running.values():
+            run.stop()
+        while any(run.alive for run in self._running.values()):
+            if signals.impatient:
+                for run in self._running.values():
+                    run.kill()
+            signals.wait(POLL)
+        for run in self._running.values():
+            run.close()
+        self._running.clear()
+
+
+def duration(seconds: float) -> str:
+    """Return hours and minutes in words that stay as wide as they are."""
+    if math.isnan(seconds):
+        return "?"
+    minutes = math.ceil(seconds / 60)
+    return f"{minutes // 60}:{minutes % 60:02d} h"

@@ -1,0 +1,118 @@
+"""How far a cell of the matrix has come, as its stored run tells."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pga_me_ros.core.errors import StorageError
+from pga_me_ros.core.fitness_difference import REPEATS
+from pga_me_ros.core.metrics_file import METRICS_FILE
+from pga_me_ros.core.reevaluations import Reevaluations
+from pga_me_ros.core.run_directory import REPERTOIRE
+from pga_me_ros.core.settings import RATES
+from pga_me_ros.core.storage import Repertoire
+from pga_me_ros.experiment.plan import Cell
+from pga_me_ros.tasks.registry import task_spec
+
+LAST_ROW = 4096
+"""Bytes at the end of metrics.csv that hold its last row."""
+
+
+@dataclass(frozen=True)
+class Stored:
+    """What there is of a run.
+
+    Attributes:
+        evaluations: Evaluations that are committed.
+        grown: Whether the budget is reached.
+        reevaluated: Whether the best controller of every generation was evaluated again.
+    """
+
+    evaluations: int
+    grown: bool
+    reevaluated: bool
+
+    @property
+    def finished(self) -> bool:
+        """Whether nothing is left to do."""
+        return self.grown and self.reevaluated
+
+
+def stored(cell: Cell, folder: Path) -> Stored:
+    """Look at the stored run of a cell.
+
+    Args:
+        cell: The cell.
+        folder: Folder of its run.
+
+    Raises:
+        StorageError: The run is damaged.
+    """
+    file = folder / REPERTOIRE
+    if not file.exists():
+        return Stored(0, False, False)
+    with Repertoire.open(file, read_only=True) as repertoire:
+        generations, bests = repertoire.last_generation + 1, repertoire.bests()
+        archive = repertoire.load_archive()
+        rows = Reevaluations.load(file, repertoire.info.run_id, archive.dimensions)
+    settings = cell.settings
+    grown = generations >= settings.generations
+    ids = np.array([best.evaluation for best in bests], np.int64)
+    # Of a run whose best controllers are not known there is nothing to evaluate again.
+    reevaluated = grown and not rows.missing(ids, REPEATS)
+    return Stored(generations * settings.batch_size, grown, reevaluated)
+
+
+def require_own_run(cell: Cell, folder: Path) -> None:
+    """Make sure that a folder holds the run of a cell, or none; a damaged one is told when its turn comes.
+
+    Raises:
+        StorageError: It holds a run of other settings.
+    """
+    if not (folder / REPERTOIRE).exists():
+        return
+    try:
+        with Repertoire.open(folder / REPERTOIRE, read_only=True) as repertoire:
+            info = repertoire.info
+    except StorageError:
+        return
+    try:
+        info.require(cell.settings, task_spec(cell.task).to_json())
+    except StorageError as error:
+        raise StorageError(f"Cell {cell.name} in '{folder}': {error}") from None
+    _require_same_rates(cell, folder, info.settings)
+
+
+def _require_same_rates(cell: Cell, folder: Path, started_with: Mapping[str, Any]) -> None:
+    """A run may change its rates on the way, but a comparison means those of its file."""
+    now = cell.settings.to_dict()
+    changed = [
+        f"{name}: {started_with[name]} != {now[name]}"
+        for name in RATES
+        if started_with.get(name) != now[name]
+    ]
+    if changed:
+        raise StorageError(
+            f"Cell {cell.name} in '{folder}' was begun with other rates (its own != yours): {'; '.join(changed)}. "
+            "Give the experiment another folder, or the rates that it was begun with."
+        )
+
+
+def evaluations_so_far(folder: Path) -> int:
+    """Return how many evaluations a run that may be under way has committed; costs next to nothing."""
+    try:
+        with (folder / METRICS_FILE).open("rb") as file:
+            file.seek(max(0, file.seek(0, 2) - LAST_ROW))
+            rows = file.read().split(b"\n")
+        return int(rows[-2].split(b",")[1])
+    except (
+        OSError,
+        IndexError,
+        ValueError,
+    ):  # not there yet, or no row but the names of the columns
+        return 0

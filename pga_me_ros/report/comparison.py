@@ -1,0 +1,185 @@
+"""Systems compared on a task: the same metrics at the same number of evaluations, medians and p-values."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pga_me_ros.core.errors import RequestError, StorageError
+from pga_me_ros.experiment.experiment_file import REFERENCE, read_experiment
+from pga_me_ros.experiment.plan import COPY
+from pga_me_ros.report.compared_run import ComparedRun, Curve
+
+METRICS = {
+    "qd_score": "QD-score",
+    "coverage": "coverage",
+    "max_fitness": "max fitness",
+    "fitness_difference": "fitness difference",
+}
+"""Metrics of section 4.4 in the order of Figure 3 (Nilsson & Cully 2021), and what they are called."""
+
+PERMUTATIONS = 20_000
+"""Ways to deal out the values of two samples that are all gone through; of more, the normal approximation is good."""
+
+
+@dataclass(frozen=True)
+class TaskComparison:
+    """Runs of several systems on one task.
+
+    Attributes:
+        task: Name of the task.
+        systems: Runs by system.
+        evaluations: Evaluations that all of them have reached.
+        offset: Lowest fitness of all of them; QD-scores are measured from it.
+    """
+
+    task: str
+    systems: dict[str, list[ComparedRun]]
+    evaluations: float
+    offset: float
+
+    def final(self, system: str, metric: str) -> Curve:
+        """Return a metric of a system's runs after `evaluations`: (runs,) float64, without what is not known."""
+        at = np.array([self.evaluations])
+        values = [run.at(at, metric, self.offset)[0] for run in self.systems[system]]
+        return np.array([value for value in values if not math.isnan(value)])
+
+    def curve(self, system: str, metric: str) -> tuple[Curve, NDArray[np.float64]]:
+        """Return evaluations (n,) and the values (runs, n) of a system's runs."""
+        runs = self.systems[system]
+        grid = runs[0].evaluations
+        grid = grid[grid <= self.evaluations]
+        return grid, np.stack([run.at(grid, metric, self.offset) for run in runs])
+
+    def typical(self, system: str) -> ComparedRun:
+        """Return the run with the median QD-score, of an even number the lower one of the two in the middle."""
+        runs = self.systems[system]
+        at = np.array([self.evaluations])
+        scores = [run.at(at, "qd_score", self.offset)[0] for run in runs]
+        order = np.argsort(scores, kind="stable")
+        return runs[order[(len(runs) - 1) // 2]]
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """All that is compared.
+
+    Attributes:
+        tasks: By task.
+        reference: System that the p-values are against.
+        missing: Runs that should be there but are not, in words.
+    """
+
+    tasks: list[TaskComparison]
+    reference: str
+    missing: list[str]
+
+
+def compare(
+    runs: Sequence[ComparedRun], reference: str = REFERENCE, missing: Sequence[str] = ()
+) -> Comparison:
+    """Sort runs by task and system.
+
+    Args:
+        runs: The runs.
+        reference: System that the p-values are against.
+        missing: Runs that should be there but are not, in words.
+
+    Raises:
+        RequestError: There is none, a run is there twice, or runs of different tasks have one name.
+    """
+    if not runs:
+        raise RequestError("There is no finished run to compare.")
+    by_task: dict[str, dict[str, list[ComparedRun]]] = {}
+    for run in runs:
+        own = by_task.setdefault(run.spec.name, {}).setdefault(run.system, [])
+        if run.seed in [other.seed for other in own]:
+            raise RequestError(
+                f"'{run.file}' is a second run of {run.system} on {run.spec.name} with seed {run.seed}; it would count "
+                "twice: leave one out."
+            )
+        own.append(run)
+    return Comparison(
+        [_task_comparison(task, systems) for task, systems in by_task.items()],
+        reference,
+        list(missing),
+    )
+
+
+def _task_comparison(task: str, systems: dict[str, list[ComparedRun]]) -> TaskComparison:
+    runs = [run for own in systems.values() for run in own]
+    other = next((run for run in runs if run.spec != runs[0].spec), None)
+    if other:
+        raise RequestError(
+            f"'{other.file}' and '{runs[0].file}' are runs of different tasks that are both called {task}; compare "
+            "runs of one version of it."
+        )
+    return TaskComparison(
+        task,
+        systems,
+        min(run.evaluations[-1] for run in runs),
+        min(run.lowest_fitness for run in runs),
+    )
+
+
+def is_experiment(path: Path) -> bool:
+    """Whether a path is the folder of an experiment."""
+    return (path / COPY).is_file()
+
+
+def compare_experiment(folder: Path) -> Comparison:
+    """Compare the finished runs of an experiment; what is not finished is told, not compared.
+
+    Raises:
+        SettingsError: Its file makes no sense.
+        RequestError: No run is finished.
+    """
+    experiment = read_experiment(folder / COPY)
+    runs, missing = [], []
+    for cell in experiment.cells:
+        path = cell.folder(folder)
+        if not path.exists():
+            missing.append(f"{cell.name}: not begun")
+            continue
+        try:
+            run = ComparedRun.load(path, cell.system)
+        except StorageError as error:
+            missing.append(f"{cell.name}: {error}")
+            continue
+        if run.evaluations[-1] < experiment.budget:
+            missing.append(
+                f"{cell.name}: {run.evaluations[-1]:,.0f} of {experiment.budget:,} evaluations"
+            )
+        else:
+            runs.append(run)
+    return compare(runs, experiment.reference, missing)
+
+
+def rank_sum_p(first: Sequence[float] | Curve, second: Sequence[float] | Curve) -> float:
+    """Return the two-sided p-value of the Wilcoxon rank-sum test (section 4.4), NaN for an empty sample.
+
+    Exact for small samples, ties or not: all ways to deal out the ranks are gone through, and the smaller tail is
+    doubled. With three runs each it can't fall below 0.1, as 2 of the 20 ways to deal out six ranks are the most
+    extreme ones; the normal approximation, which is taken for many runs, would claim 0.05.
+
+    Args:
+        first: Numbers.
+        second: Numbers.
+    """
+    from scipy.stats import mannwhitneyu, rankdata
+
+    n, m = len(first), len(second)
+    if not n or not m:
+        return math.nan
+    if math.comb(n + m, n) > PERMUTATIONS:
+        return float(mannwhitneyu(first, second, method="asymptotic").pvalue)
+    ranks = rankdata([*first, *second])  # ties share the mean of their ranks
+    sums = np.array([sum(dealt) for dealt in combinations(ranks, n)])
+    # Ranks are whole or half numbers: these sums are exact, and equal ones equal.
+    return float(min(1.0, 2 * min(np.mean(sums <= sums[0]), np.mean(sums >= sums[0]))))

@@ -1,0 +1,118 @@
+"""The pictures of a comparison: Figure 3 and Figure 4 (Nilsson & Cully 2021) of one's own runs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import LinearSegmentedColormap, Normalize
+from matplotlib.figure import Figure
+
+from pga_me_ros.core.heatmap import ANCHORS, render
+from pga_me_ros.report.comparison import METRICS, Comparison, TaskComparison
+from pga_me_ros.report.pictures import label_axes, save
+
+LOOKS = (
+    ("#0072b2", "-"),
+    ("#e69f00", "--"),
+    ("#009e73", "-."),
+    ("#cc79a7", ":"),
+    ("#56b4e9", (0, (5, 1))),
+    ("#d55e00", (0, (3, 1, 1, 1))),
+    ("#000000", (0, (1, 1))),
+)
+"""Colour and line by place of the system: colours that the colour-blind tell apart (Okabe and Ito), lines besides."""
+
+PIXELS = 480
+
+
+def draw_curves_compared(comparison: Comparison, folder: Path) -> list[Path]:
+    """Draw four metrics on every task: median and quartiles of each system's runs; returns the files."""
+    tasks = comparison.tasks
+    size = (max(4.8, 3.2 * len(tasks)), 2.3 * len(METRICS))
+    figure = Figure(figsize=size, layout="constrained")
+    grid = figure.subplots(len(METRICS), len(tasks), squeeze=False, sharex="col")
+    systems = list(dict.fromkeys(system for task in tasks for system in task.systems))
+    looks = {system: LOOKS[i % len(LOOKS)] for i, system in enumerate(systems)}
+    for row, (metric, label) in zip(grid, METRICS.items(), strict=True):
+        for axes, task in zip(row, tasks, strict=True):
+            _draw_metric(axes, task, metric, looks)
+        row[0].set_ylabel(label)
+    for axes, task in zip(grid[0], tasks, strict=True):
+        axes.set_title(task.task, fontsize=10)
+    for axes in grid[-1]:
+        axes.set_xlabel("evaluations")
+    handles = [
+        mpl.lines.Line2D([], [], color=colour, linestyle=line, label=system)
+        for system, (colour, line) in looks.items()
+    ]
+    figure.legend(handles=handles, loc="outside lower center", ncols=min(3, len(handles)))
+    return save(figure, folder / "comparison-curves")
+
+
+def _draw_metric(
+    axes: Axes, task: TaskComparison, metric: str, looks: dict[str, tuple[str, object]]
+) -> None:
+    known = False
+    for system in task.systems:
+        evaluations, values = task.curve(system, metric)
+        # A metric that is unknown somewhere in a run leaves a gap; one that is unknown everywhere, no line.
+        there = ~np.isnan(values).any(axis=0)
+        if not there.any():
+            continue
+        known = True
+        quartiles = np.full((3, len(evaluations)), np.nan)
+        quartiles[:, there] = np.quantile(values[:, there], (0.25, 0.5, 0.75), axis=0)
+        colour, line = looks[system]
+        axes.plot(evaluations, quartiles[1], color=colour, linestyle=line, linewidth=1.4)
+        if len(values) > 1:
+            axes.fill_between(
+                evaluations, quartiles[0], quartiles[2], color=colour, alpha=0.2, linewidth=0
+            )
+    if not known:
+        axes.text(0.5, 0.5, "not evaluated again", transform=axes.transAxes, ha="center")
+    axes.grid(alpha=0.3)
+    axes.spines[["top", "right"]].set_visible(False)
+
+
+def draw_archives_compared(comparison: Comparison, folder: Path) -> list[Path]:
+    """Draw an archive of every system side by side, a task a file and one colour scale in each; returns the files."""
+    files = []
+    for task in comparison.tasks:
+        files += _draw_archives(task, folder)
+    return files
+
+
+def _draw_archives(task: TaskComparison, folder: Path) -> list[Path]:
+    """Draw the archive of each system's run with the median QD-score."""
+    runs = {system: task.typical(system) for system in task.systems}
+    archives = {system: run.load_archive() for system, run in runs.items()}
+    low = min(archive.min_fitness for archive in archives.values())
+    high = max(archive.max_fitness for archive in archives.values())
+    columns = min(3, len(runs))
+    rows = -(-len(runs) // columns)
+    one_dimension = next(iter(archives.values())).dimensions == 1
+    figure = Figure(
+        figsize=(3.1 * columns + 0.9, (1.7 if one_dimension else 3.1) * rows), layout="constrained"
+    )
+    grid = figure.subplots(rows, columns, squeeze=False)
+    for axes in grid.flat[len(runs) :]:
+        axes.set_visible(False)
+    for axes, (system, archive) in zip(grid.flat, archives.items(), strict=False):
+        bounds = [*zip(archive.low, archive.high, strict=True), (0.0, 1.0)]
+        extent = (*bounds[0], *bounds[1])
+        image = render(archive, PIXELS, low, high)
+        axes.imshow(image, extent=extent, aspect="auto", interpolation="nearest")
+        label_axes(axes, runs[system].spec.descriptor_names)
+        # All have the same axes: what they are is said once.
+        figure.supxlabel(axes.get_xlabel(), fontsize=10)
+        figure.supylabel(axes.get_ylabel(), fontsize=10)
+        axes.set(xlabel="", ylabel="")
+        axes.set_title(f"{system}, seed {runs[system].seed}", fontsize=9)
+    colours = LinearSegmentedColormap.from_list("fitness", np.array(ANCHORS) / 255.0)
+    scale = mpl.cm.ScalarMappable(Normalize(low, high), colours)
+    figure.colorbar(scale, ax=grid, label="fitness (sum of rewards)")
+    figure.suptitle(f"{task.task}: of each system the run with the median QD-score", fontsize=10)
+    return save(figure, folder / f"comparison-{task.task}-archives")

@@ -1,0 +1,165 @@
+"""Experiment files: what the matrix is, and every mistake told in one line before anything starts."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from pga_me_ros.core.errors import RequestError, SettingsError
+from pga_me_ros.core.systems import SYSTEMS
+from pga_me_ros.experiment.__main__ import main
+from pga_me_ros.experiment.experiment_file import read_experiment
+from pga_me_ros.tasks.registry import BUILT_IN
+
+CONFIG = Path(__file__).parents[2] / "config" / "experiments"
+
+GOOD = {
+    "systems": "{pga_map_elites: , ga: {algorithm: map_elites}}",
+    "tasks": "[qd_walker, qd_hopper]",
+    "seeds": "[1, 2, 3]",
+    "budget": "1000",
+    "settings": "{batch_size: 60, controller_hidden: [16, 8]}",
+}
+
+
+def written(folder: Path, **changes: str | None) -> Path:
+    """Write an experiment file; a change of None leaves the key out."""
+    lines = [f"{key}: {value}" for key, value in {**GOOD, **changes}.items() if value is not None]
+    path = folder / "file.yaml"
+    path.write_text("\n".join(lines))
+    return path
+
+
+def test_the_matrix_has_every_system_task_and_seed_once(tmp_path: Path) -> None:
+    cells = read_experiment(written(tmp_path)).cells
+    assert [cell.index for cell in cells] == list(range(12))
+    assert [cell.name for cell in cells[:5]] == [
+        "pga_map_elites/qd_walker/1",
+        "ga/qd_walker/1",
+        "pga_map_elites/qd_hopper/1",
+        "ga/qd_hopper/1",
+        "pga_map_elites/qd_walker/2",
+    ]
+    assert len({cell.folder(tmp_path) for cell in cells}) == 12
+    assert len({cell.namespace("paper-small") for cell in cells}) == 12
+
+
+def test_more_seeds_leave_the_places_of_the_others(tmp_path: Path) -> None:
+    few = read_experiment(written(tmp_path)).cells
+    more = read_experiment(written(tmp_path, seeds="[1, 2, 3, 4]")).cells
+    assert more[:12] == few
+
+
+def test_a_cell_has_the_settings_of_experiment_system_and_place(tmp_path: Path) -> None:
+    settings = read_experiment(written(tmp_path)).cells[3].settings
+    assert (settings.task, settings.seed, settings.evaluations) == ("qd_hopper", 1, 1000)
+    assert (settings.algorithm, settings.batch_size) == ("map_elites", 60)
+    assert settings.controller_hidden == (16, 8)
+
+
+def test_a_list_of_systems_names_algorithms(tmp_path: Path) -> None:
+    experiment = read_experiment(written(tmp_path, systems="[map_elites, pga_map_elites]"))
+    assert [cell.settings.algorithm for cell in experiment.cells[:2]] == [
+        "map_elites",
+        "pga_map_elites",
+    ]
+    assert experiment.reference == "pga_map_elites"
+
+
+def test_a_million_may_be_written_as_one_does(tmp_path: Path) -> None:
+    assert read_experiment(written(tmp_path, budget="1.0e+6")).budget == 1_000_000
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"systems": "[pga_map_elite]"}, "did you mean 'pga_map_elites'"),
+        (
+            {"systems": "{a: {n_evos: 5}}"},
+            "system 'a': Unknown setting 'n_evos' (did you mean 'n_evo'",
+        ),
+        ({"systems": "{a: {n_evo: many}}"}, "system 'a': n_evo must be an integer"),
+        ({"systems": "{a: {n_evo: 5}, b: {n_evo: 5}}"}, "'a' and 'b' have the same settings"),
+        ({"systems": "{a b: {n_evo: 5}}"}, "'a b' has a name that is no part of a ROS namespace"),
+        ({"systems": "{a: 5}"}, "system 'a' is 5 (int)"),
+        ({"systems": "{a: {seed: 5}}"}, "gives 'seed', which all runs have from the key 'seeds'"),
+        ({"systems": "{a: {n_evo: 5}, a: {n_evo: 6}}"}, "line 1: 'a' is given twice"),
+        ({"systems": "{}"}, "systems names none"),
+        ({"systems": "[map_elites, map_elites]"}, "systems has 'map_elites' twice"),
+        ({"systems": None}, "systems is missing"),
+        ({"tasks": "[qd_walker, qd_crawler]"}, "unknown task 'qd_crawler'"),
+        ({"tasks": "[qd_walker, qd_walker]"}, "tasks has 'qd_walker' twice"),
+        (
+            {"tasks": "[qd_walker, 'pga_me_ros.tasks.locomotion:QDWalker']"},
+            "are both called 'qd_walker'",
+        ),
+        ({"tasks": "qd_walker"}, "tasks is 'qd_walker' (str); give a list such as [qd_walker]"),
+        ({"tasks": "[5]"}, "tasks has 5 in it"),
+        ({"seeds": "[]"}, "seeds is empty"),
+        ({"seeds": None}, "seeds is missing"),
+        ({"seeds": "[1, 2, 1]"}, "seeds has 1 twice"),
+        ({"seeds": "[-1]"}, "seed is -1"),
+        ({"seeds": "[1.5]"}, "seeds has 1.5 in it"),
+        ({"budget": "400"}, "budget of 400 evaluations is spent on the 500 random controllers"),
+        ({"budget": None}, "budget is missing"),
+        ({"budget": "much"}, "budget is 'much' (str)"),
+        ({"settings": "{task: qd_walker}"}, "settings gives 'task'"),
+        ({"settings": "{evaluations: 5}"}, "from the key 'budget'"),
+        ({"settings": "{sigma: 5}"}, "Unknown setting 'sigma'"),
+        ({"settings": "[5]"}, "settings is [5] (list)"),
+        ({"seed": "[1]"}, "unknown key 'seed' (did you mean 'seeds'?)"),
+        ({"reference": "gaa"}, "reference is 'gaa' (did you mean 'ga'?)"),
+        ({"budget": "["}, "is no valid YAML at line"),
+    ],
+)
+def test_a_bad_file_is_told_in_one_line_before_anything_starts(
+    changes: dict[str, str | None],
+    words: str,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    file, folder = written(tmp_path, **changes), tmp_path / "runs"
+    assert main([str(file), "--folder", str(folder)]) == 2
+    said = capsys.readouterr()
+    assert words in said.err
+    assert str(file) in said.err
+    assert (said.err.count("\n"), said.out) == (1, "")
+    assert not folder.exists()
+
+
+@pytest.mark.parametrize("content", ["", "5", "[1, 2]", "\xff\xfe"])
+def test_a_file_that_is_something_else_is_told(tmp_path: Path, content: str) -> None:
+    path = tmp_path / "file.yaml"
+    path.write_bytes(content.encode("latin-1"))
+    with pytest.raises(SettingsError, match=r"expected the keys systems, tasks, seeds and budget"):
+        read_experiment(path)
+
+
+def test_a_file_that_is_not_there_is_told(tmp_path: Path) -> None:
+    written(tmp_path)
+    with pytest.raises(SettingsError, match=r"no experiment file .*did you mean 'file.yaml'"):
+        read_experiment(tmp_path / "files.yaml")
+
+
+def test_cells_are_chosen_by_index_name_and_pattern(tmp_path: Path) -> None:
+    experiment = read_experiment(written(tmp_path))
+    assert [c.index for c in experiment.chosen([])] == list(range(12))
+    assert [c.index for c in experiment.chosen(["7", "ga/qd_walker/1"])] == [1, 7]
+    assert [c.index for c in experiment.chosen(["ga/*/2", "5"])] == [5, 7]
+
+
+@pytest.mark.parametrize("word", ["12", "-1", "ga/qd_walker/9", "*/ant/*"])
+def test_a_cell_that_is_not_there_is_told(tmp_path: Path, word: str) -> None:
+    with pytest.raises(RequestError, match="There is no cell"):
+        read_experiment(written(tmp_path)).chosen([word])
+
+
+@pytest.mark.parametrize("name", ["paper_small", "paper"])
+def test_the_experiments_of_the_house_are_sound_and_have_all_systems(name: str) -> None:
+    experiment = read_experiment(CONFIG / f"{name}.yaml")
+    assert [system.name for system in experiment.systems] == list(SYSTEMS)
+    assert experiment.reference == "pga_map_elites"
+    if name == "paper":
+        assert (len(experiment.seeds), experiment.budget) == (20, 1_000_000)
+        assert experiment.tasks == tuple(BUILT_IN)
