@@ -66,7 +66,7 @@ class EsArchives:
         self._behaviors = np.concatenate((self._behaviors, behavior[None]))
         cell = int(self._archive.cell_of(behavior[None])[0])
         row = int(np.searchsorted(self._cells, cell))
-        values = (fitness, behavior, center, generation)
+        values: tuple[Any, ...] = (fitness, behavior, center, generation)
         if row == len(self._cells) or self._cells[row] != cell:
             self._cells = np.insert(self._cells, row, cell)
             for name, value in zip(COLUMNS, values, strict=True):

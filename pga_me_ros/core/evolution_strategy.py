@@ -1,7 +1,7 @@
 """Evolution strategies on flat vectors: mirrored samples, ranks, the gradient estimate, Adam, novelty.
 
-As in Salimans et al. (2017) and in MAP-Elites-ES (Colas et al. 2020), which is built of them. NumPy alone, and no matrix
-products: sums have one order, whatever library of linear algebra is installed and however many threads it has.
+As in Salimans et al. (2017) and in MAP-Elites-ES (Colas et al. 2020), which is built of them. NumPy alone, and no
+matrix products: sums have one order, whatever library of linear algebra is installed and however many threads it has.
 """
 
 from __future__ import annotations

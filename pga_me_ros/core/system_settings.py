@@ -60,7 +60,7 @@ class SystemSettings(DepartureSettings):
     )
     es_cell_sampling: str = setting(
         "biased",
-        "map_elites_es, where steps start: 'biased' to the fittest elites or the fitter of recent ones (exploit) and to "
-        "the most novel ones (explore), or 'plain', half from the fittest and half from any.",
+        "map_elites_es, where steps start: 'biased' to the fittest elite or the fitter of recent ones (exploit) and to "
+        "the most novel (explore), or 'plain', half from the fittest and half from any.",
         choices=("biased", "plain"),
     )

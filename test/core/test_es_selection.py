@@ -69,8 +69,6 @@ def test_starts_are_drawn_as_often_as_they_should_be():
     found.load_state(state)
     starts = [found.start(explore=False, generation=g) for g in range(400)]
     expected = exploit_probabilities(state["elite_fitness"], state["elite_generations"])
-    counts = [
-        sum((start == center).all() for start in starts) for center in state["elite_centers"]
-    ]
+    counts = [sum((start == center).all() for start in starts) for center in state["elite_centers"]]
     assert sum(counts) == 400
     np.testing.assert_allclose(np.array(counts) / 400, expected, atol=0.1)

@@ -15,9 +15,12 @@ from pga_me_ros.core.elites import Operator
 from pga_me_ros.core.errors import PgaError, RequestError, SettingsError, StorageError
 from pga_me_ros.core.es_learner import EsLearner
 from pga_me_ros.core.make_offspring import Wanted, make_offspring
-from pga_me_ros.core.policy import controller_shape
-from pga_me_ros.core.search import Search
+from pga_me_ros.core.policy import Controller, controller_shape
+from pga_me_ros.core.schedule import evaluation_rng
+from pga_me_ros.core.search import Batch, Search
 from pga_me_ros.core.settings import Settings
+from pga_me_ros.core.systems import system_of
+from pga_me_ros.tasks.rollout import Episode, rollout
 
 ES = Settings(
     task="lane_task:Lane",
@@ -33,6 +36,15 @@ ES = Settings(
     es_steps=5,
 )
 SHORT = ES.replace(es_samples=10, batch_size=11, es_steps=2, evaluations=11 * 9)
+
+
+def evaluated(batch: Batch) -> list[Episode]:
+    """Return a batch's episodes."""
+    shape, task = controller_shape(Lane.spec, SHORT), Lane()
+    return [
+        rollout(task, Controller(shape, p), evaluation_rng(SHORT.seed, k))
+        for k, p in zip(batch.evaluations, batch.parameters, strict=True)
+    ]
 
 
 @pytest.fixture(scope="module")
@@ -128,39 +140,25 @@ def test_pieces_files_and_restarts_change_nothing(tmp_path: Path, restarts, late
 
 
 def test_from_a_stored_state_it_continues_bit_for_bit():
-    search, task = Search(Lane.spec, SHORT), Lane()
-    for _ in range(5):
-        search.run_generation(task)
+    search = grown(SHORT, 5)
     search.ask()
     copy = EsLearner(Lane.spec, SHORT)
     copy.load_state(search.learner.state(), search.learner.version)
     for generation in range(5, 9):
         batch = search.ask()
-        episodes = []
-        told = search.learner.add
-
-        def add(generation, heard, told=told, episodes=episodes):
-            episodes.extend(heard)
-            told(generation, heard)
-
-        search.learner.add = add  # type: ignore[method-assign]
-        search.run_generation(task)
-        search.learner.add = told  # type: ignore[method-assign]
+        episodes = evaluated(batch)
+        search.tell(batch, episodes)
         copy.add(generation, episodes)
         snapshot = copy.train(SHORT, generation + 1)
         assert (search.ask().parameters[0] == snapshot.greedy).all()
-        assert batch.generation == generation
     assert learner_bits(copy.state()) == learner_bits(search.learner.state())
     assert copy.version == search.learner.version == 9
 
 
 def test_what_is_stored_of_an_episode_is_all_that_it_learns_from():
-    search = grown(SHORT, 3)
-    batch = search.ask()
-    episode = _episodes(batch.parameters)[1]
-    system = search._system
-    short = system.remembered(episode)
-    assert (short.length, episode.length) == (1, 12)
+    episode = evaluated(Search(Lane.spec, SHORT).ask())[1]
+    short = system_of(SHORT).remembered(episode)
+    assert short.length == 1 < episode.length
     assert short == replace(
         episode, states=short.states, actions=short.actions, rewards=short.rewards
     )
@@ -171,7 +169,7 @@ def test_a_step_needs_the_results_of_the_generation_before():
     learner = EsLearner(Lane.spec, SHORT)
     with pytest.raises(PgaError, match="needs the results"):
         learner.train(SHORT, 1)
-    learner.add(0, _episodes(np.zeros((11, _shape().parameter_count), np.float32)))
+    learner.add(0, evaluated(Search(Lane.spec, SHORT).ask()))
     with pytest.raises(PgaError, match="those of 0 are here"):
         learner.train(SHORT, 2)
     learner.forget_experience()
@@ -229,26 +227,13 @@ def test_its_batch_follows_from_its_samples():
 
 
 def test_offspring_of_other_systems_are_refused():
-    snapshot = grown(SHORT, 2)._snapshot
-    none = np.empty((1, 1, _shape().parameter_count), np.float32)
+    search, theirs = grown(SHORT, 2), grown(SETTINGS, 3)
+    shape = search.shape
+    none = np.empty((1, 1, shape.parameter_count), np.float32)
     with pytest.raises(RequestError, match="no critics"):
-        make_offspring(Operator.PG, Wanted(SHORT, _shape(), 1, 1, 1, none, snapshot))
-    theirs = grown(SETTINGS, 3)._snapshot
+        make_offspring(Operator.PG, Wanted(SHORT, shape, 1, 1, 1, none, search._snapshot))
     with pytest.raises(RequestError, match="has none"):
-        make_offspring(Operator.ES_SAMPLE, Wanted(SETTINGS, _shape(), 2, 1, 1, none, theirs))
+        make_offspring(Operator.ES_SAMPLE, Wanted(SETTINGS, shape, 2, 1, 1, none, theirs._snapshot))
     for first, count in ((0, 1), (10, 2)):
         with pytest.raises(RequestError, match="theirs are 1 to 10"):
-            make_offspring(Operator.ES_SAMPLE, Wanted(SHORT, _shape(), 0, first, count, none))
-
-
-def _shape():
-    return controller_shape(Lane.spec, SHORT)
-
-
-def _episodes(parameters: np.ndarray):
-    from pga_me_ros.core.policy import Controller
-    from pga_me_ros.core.schedule import evaluation_rng
-    from pga_me_ros.tasks.rollout import rollout
-
-    task = Lane()
-    return [rollout(task, Controller(_shape(), p), evaluation_rng(3, k)) for k, p in enumerate(parameters)]
+            make_offspring(Operator.ES_SAMPLE, Wanted(SHORT, shape, 0, first, count, none))
