@@ -123,4 +123,4 @@ class CriticCheckpoints:
 
 
 def _plain_or_shape(name: str, value: Any) -> Any:
-    return MlpShape(tuple(value)) if name.endswith("_shape") else value
+    return MlpShape(tuple(value)) if name.endswith("_shape") and value is not None else value

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from pga_me_ros.core.critic_checkpoint import CriticCheckpoints
 from pga_me_ros.core.errors import RequestError
 from pga_me_ros.core.experience import Experience
+from pga_me_ros.core.learns import Learns
 from pga_me_ros.core.schedule import TrainingOrder
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.core.snapshot import Snapshot
@@ -42,7 +43,7 @@ class DurableLearner:
         self._workers = workers
         self.experience = Experience(directory / "experience", settings)
         self._checkpoints = CriticCheckpoints(directory)
-        self._learner = system_of(settings).make_learner(spec, settings, workers)
+        self._learner: Learns = system_of(settings).make_learner(spec, settings, workers)
         self._trained_for: int | None = None  # None: not known to be the state of any checkpoint
 
     def find(self, order: TrainingOrder) -> Snapshot | None:

@@ -24,6 +24,7 @@ class Operator(IntEnum):
     PG = 2
     GREEDY = 3
     IMPORTED = 4
+    ES_SAMPLE = 5
 
 
 class Status(IntEnum):

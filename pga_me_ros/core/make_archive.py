@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
 from pga_me_ros.core.archive import Archive, CvtArchive, GridArchive
 from pga_me_ros.core.cvt import cvt_centroids
 from pga_me_ros.core.policy import controller_shape
@@ -27,8 +32,16 @@ def make_archive(spec: TaskSpec, settings: Settings) -> Archive:
     if settings.archive == "grid":
         return GridArchive(spec.archive_bins, spec.descriptor_low, spec.descriptor_high, count)
     cells = settings.cells or spec.archive_cells
-    rng = generator(CENTROIDS_SEED, Purpose.CENTROIDS, 0, cells)
-    centroids = cvt_centroids(
-        cells, spec.descriptor_low, spec.descriptor_high, settings.cvt_samples, rng
+    centroids = _centroids(
+        cells, tuple(spec.descriptor_low), tuple(spec.descriptor_high), settings.cvt_samples
     )
     return CvtArchive(centroids, spec.descriptor_low, spec.descriptor_high, count)
+
+
+@lru_cache(maxsize=2)
+def _centroids(
+    cells: int, low: tuple[float, ...], high: tuple[float, ...], samples: int
+) -> NDArray[np.float64]:
+    """Return centroids that the caller copies; some ask for them more than once, and they take seconds."""
+    rng = generator(CENTROIDS_SEED, Purpose.CENTROIDS, 0, cells)
+    return cvt_centroids(cells, low, high, samples, rng)

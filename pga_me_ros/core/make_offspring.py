@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pga_me_ros.core.elites import Operator
-from pga_me_ros.core.offspring import ga_offspring, pg_states, random_controllers
+from pga_me_ros.core.errors import RequestError
+from pga_me_ros.core.offspring import es_samples, ga_offspring, pg_states, random_controllers
 from pga_me_ros.core.pg_variation import pg_variation
 from pga_me_ros.core.policy import MlpShape
 from pga_me_ros.core.settings import Settings
@@ -52,7 +53,7 @@ def make_offspring(operator: Operator, wanted: Wanted) -> Float32Array:
 
     Raises:
         NetworkError: A parent does not fit the layers.
-        RequestError: The snapshot has no states for those places.
+        RequestError: The snapshot has not what the operator needs.
     """
     return MAKERS[operator](wanted)
 
@@ -67,6 +68,10 @@ def _ga(w: Wanted) -> Float32Array:
 
 def _pg(w: Wanted) -> Float32Array:
     assert w.snapshot is not None
+    if w.snapshot.critic_shape is None:
+        raise RequestError(
+            f"PG offspring are asked for, but {w.settings.algorithm} learns no critics."
+        )
     return pg_variation(
         w.parents[:, 0],
         w.snapshot.critic,
@@ -80,12 +85,28 @@ def _pg(w: Wanted) -> Float32Array:
     )
 
 
+def _es_sample(w: Wanted) -> Float32Array:
+    if w.generation == 0:
+        center = random_controllers(w.settings, w.shape, 0, 0, 1)[0]
+    else:
+        assert w.snapshot is not None
+        if w.snapshot.center is None:
+            raise RequestError(
+                f"Samples of an evolution strategy are asked for, but {w.settings.algorithm} has none."
+            )
+        center = w.snapshot.center
+    return es_samples(w.settings, center, w.generation, w.first, w.count)
+
+
 MAKERS: dict[Operator, Callable[[Wanted], Float32Array]] = {
     Operator.RANDOM: _random,
     Operator.GA: _ga,
     Operator.PG: _pg,
+    Operator.ES_SAMPLE: _es_sample,
 }
 """What makes the offspring of each operator; the greedy controller and imported ones are not made but there."""
 
-NEED_SNAPSHOT = frozenset({Operator.PG})
-"""Operators that need what was learned for the generation."""
+
+def needs_snapshot(operator: Operator, generation: int) -> bool:
+    """Whether an operator's offspring depend on what was learned for their generation."""
+    return operator == Operator.PG or (operator == Operator.ES_SAMPLE and generation > 0)

@@ -18,8 +18,8 @@ UNKNOWN = -1
 class Metrics:
     """State of the archive after a generation, and what the generation added.
 
-    Counts per operator are in the order of `Operator`: random, ga, pg, greedy, imported; those of a file that is older
-    than an operator are filled up with zeros.
+    Counts per operator are in the order of `Operator`: random, ga, pg, greedy, imported, and so on; those of a file
+    that is older than an operator are filled up with zeros.
 
     Attributes:
         generation: Number of the generation, from 0.

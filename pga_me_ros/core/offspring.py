@@ -1,4 +1,4 @@
-"""The controllers of a batch, from random ones to GA and PG offspring (Alg. 3 line 10, Alg. 5).
+"""The controllers of a batch, from random ones to GA and PG offspring (Alg. 3 line 10, Alg. 5), and samples of ES.
 
 Each controller depends on the run's seed, its generation, its place in the batch and its parents alone, so any division
 of a batch among calls or processes gives the same bits.
@@ -6,10 +6,13 @@ of a batch among calls or processes gives the same bits.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
 from pga_me_ros.core.errors import RequestError
+from pga_me_ros.core.evolution_strategy import mirrored
 from pga_me_ros.core.policy import MlpShape, random_parameters
 from pga_me_ros.core.rng import Purpose, generator
 from pga_me_ros.core.settings import Settings
@@ -76,6 +79,37 @@ def ga_offspring(
             for i, (parent_a, parent_b) in enumerate(parents)
         ]
     )
+
+
+def es_noise(settings: Settings, generation: int) -> Callable[[int], np.random.Generator]:
+    """Return what draws each mirrored pair of a generation's samples."""
+    return lambda pair: generator(settings.seed, Purpose.ES_NOISE, generation, pair)
+
+
+def es_samples(
+    settings: Settings, center: Float32Array, generation: int, first: int, count: int
+) -> Float32Array:
+    """Return samples of MAP-Elites-ES for consecutive places of a batch, whose first place is not a sample's.
+
+    Args:
+        settings: Settings of the run.
+        center: (P,) float32 what they surround.
+        generation: Their generation.
+        first: Place of the first one, at least 1.
+        count: How many, at least 1.
+
+    Returns:
+        (count, P) float32 parameters.
+
+    Raises:
+        RequestError: There are no samples in those places.
+    """
+    if not 1 <= first <= first + count - 1 <= settings.es_samples:
+        raise RequestError(
+            f"Samples for the places {first} to {first + count - 1} are asked for; theirs are 1 to "
+            f"{settings.es_samples}."
+        )
+    return mirrored(center, settings.es_sigma, es_noise(settings, generation), first - 1, count)
 
 
 def pg_states(snapshot: Snapshot, first: int, count: int) -> Float32Array:

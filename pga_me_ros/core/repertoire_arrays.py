@@ -80,7 +80,7 @@ def repertoire_arrays(info: RunInfo, archive: Archive, cells: Sequence[int]) -> 
 
 
 def made_by(operators: NDArray[np.int64]) -> NDArray[np.str_]:
-    """Return operators as words: ``random``, ``ga``, ``pg``, ``greedy`` or ``imported``."""
+    """Return operators as words: ``random``, ``ga``, ``pg``, ``greedy``, ``imported`` or ``es_sample``."""
     return np.array([Operator(o).name.lower() for o in operators.tolist()], dtype=np.str_)
 
 

@@ -24,6 +24,8 @@ class Purpose(IntEnum):
     CRITIC_TRAINING = 8
     REEVALUATION = 9
     EXPLORATION = 10
+    ES_NOISE = 11
+    ES_SELECTION = 12
 
 
 def generator(

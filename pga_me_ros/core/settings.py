@@ -37,7 +37,7 @@ class Settings(SystemSettings):
             object.__setattr__(self, f.name, checked_value(f, getattr(self, f.name)))
         system = SYSTEMS[self.algorithm]
         given = {f.name: v for f in fields(self) if (v := getattr(self, f.name)) != f.default}
-        for name, value in system.defaults.items():
+        for name, value in system.own_values(self).items():
             object.__setattr__(self, name, given.get(name, value))
         system.check(self, given)
 

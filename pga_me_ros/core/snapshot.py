@@ -1,4 +1,4 @@
-"""What policy gradient variation of one generation needs from the critics."""
+"""What the offspring of one generation need of what was learned."""
 
 from __future__ import annotations
 
@@ -12,12 +12,14 @@ from pga_me_ros.core.policy import MlpShape
 
 @dataclass(frozen=True)
 class Snapshot:
-    """State of the critics for one generation's offspring; light, so that any node can hold it.
+    """What was learned, for one generation's offspring; light, so that any node can hold it.
+
+    Where a system learns no critics, the fields that speak of them are empty, the values NaN.
 
     Attributes:
         generation: Generation whose offspring it is for.
         version: Critic training steps done since the start of the run.
-        critic_shape: Layers of the first critic; its input is the observation, then the action.
+        critic_shape: Layers of the first critic; its input is the observation, then the action. None without one.
         critic: (P_critic,) float32 parameters of Q_theta1.
         greedy_shape: Layers of the greedy controller.
         greedy: (P,) float32 parameters of pi_phic.
@@ -26,11 +28,12 @@ class Snapshot:
         transitions: Transitions in the replay buffer that it was trained on.
         critic_loss: Mean over the steps of both critics' mean squared errors.
         mean_q: Mean over the steps of the values that the first critic gave their batches.
+        center: (P,) float32 controller that the samples of an evolution strategy surround; None where there is none.
     """
 
     generation: int
     version: int
-    critic_shape: MlpShape
+    critic_shape: MlpShape | None
     critic: NDArray[np.float32]
     greedy_shape: MlpShape
     greedy: NDArray[np.float32]
@@ -38,3 +41,4 @@ class Snapshot:
     transitions: int
     critic_loss: float
     mean_q: float
+    center: NDArray[np.float32] | None = None

@@ -19,3 +19,48 @@ class SystemSettings(DepartureSettings):
         high=10.0,
         symbol="sigma_a",
     )
+    es_samples: int = setting(
+        1000,
+        "map_elites_es: evaluations per estimate of a gradient, in mirrored pairs; section 4.3.",
+        low=2,
+        high=99_998,
+        unit="evaluations",
+    )
+    es_sigma: float = setting(
+        0.02,
+        "map_elites_es: standard deviation of the samples around their centre, in each parameter.",
+        low=1e-9,
+        high=100.0,
+        symbol="sigma",
+    )
+    es_learning_rate: float = setting(
+        0.01, "map_elites_es: Adam learning rate of its steps.", low=0.0, high=10.0
+    )
+    es_l2: float = setting(
+        0.005,
+        "map_elites_es: share of the centre that is taken off the gradient (weight decay).",
+        low=0.0,
+        high=10.0,
+    )
+    es_steps: int = setting(
+        10,
+        "map_elites_es: steps up the fitness, then as many up the novelty, each time from an elite.",
+        low=1,
+        high=1_000_000,
+        unit="generations",
+        symbol="n_optim_gens",
+    )
+    es_neighbors: int = setting(
+        10,
+        "map_elites_es: nearest behaviours whose mean distance is the novelty of one.",
+        low=1,
+        high=1_000_000,
+        unit="behaviours",
+        symbol="k",
+    )
+    es_cell_sampling: str = setting(
+        "biased",
+        "map_elites_es, where steps start: 'biased' to the fittest elite or the fitter of recent ones (exploit) and to "
+        "the most novel (explore), or 'plain', half from the fittest and half from any.",
+        choices=("biased", "plain"),
+    )

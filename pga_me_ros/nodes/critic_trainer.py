@@ -19,6 +19,7 @@ from pga_me_ros.core.policy import controller_shape
 from pga_me_ros.core.schedule import TrainingOrder
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.core.snapshot import Snapshot
+from pga_me_ros.core.systems import system_of
 from pga_me_ros.nodes.options import ChildOptions, require_run
 from pga_me_ros.ros import names, qos
 from pga_me_ros.ros.command_line import Program
@@ -61,6 +62,7 @@ class CriticTrainerNode(GraphNode):
                     f"Evaluation {msg.evaluation} is of generation {msg.generation}, which is over or far ahead."
                 )
             episode = episode_from_msg(msg, self._spec)
+            episode = system_of(self._settings).remembered(episode)
             self._learner.experience.stage(msg.generation, msg.evaluation, episode)
         except PgaError as error:
             self.refused(f"dropped an episode: {error}")

@@ -13,7 +13,7 @@ from pga_me_msgs.srv import Propose
 
 from pga_me_ros.core.elites import Operator
 from pga_me_ros.core.errors import PgaError, RequestError
-from pga_me_ros.core.make_offspring import MAKERS, NEED_SNAPSHOT, Wanted, make_offspring
+from pga_me_ros.core.make_offspring import MAKERS, Wanted, make_offspring, needs_snapshot
 from pga_me_ros.core.policy import controller_shape, critic_shape
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.core.snapshot import Snapshot
@@ -70,25 +70,25 @@ class Variation(GraphNode):
             RequestError: It is one.
         """
         s = self._settings
+        critics = system_of(s).learns_critics
         sets = 1 if s.pg_batches == "shared" else s.batch_size
+        states = (sets, s.transition_batch, self._spec.observation_dim)
         expected = {
             "layers of the greedy controller": self._shape.sizes,
-            "layers of the critic": critic_shape(self._spec, s).sizes,
-            "sets, batch size and entries of its states": (
-                sets,
-                s.transition_batch,
-                self._spec.observation_dim,
-            ),
+            "layers of the critic": critic_shape(self._spec, s).sizes if critics else (),
+            "sets, batch size and entries of its states": states if critics else (0, 0, 0),
+            "parameters of the samples' centre": 0 if critics else self._shape.parameter_count,
         }
         found = (
             snapshot.greedy_shape.sizes,
-            snapshot.critic_shape.sizes,
+            snapshot.critic_shape.sizes if snapshot.critic_shape else (),
             tuple(np.delete(snapshot.states.shape, 1).tolist()),
+            0 if snapshot.center is None else snapshot.center.size,
         )
         for (what, ours), theirs in zip(expected.items(), found, strict=True):
             if theirs != ours:
                 raise RequestError(f"{what} are {theirs}, the run's are {ours}.")
-        if snapshot.generation < 0 or not snapshot.states.size:
+        if snapshot.generation < 0 or (critics and not snapshot.states.size):
             raise RequestError("its generation is negative, or it holds no states.")
 
     def _propose(self, request: Propose.Request, response: Propose.Response) -> None:
@@ -107,7 +107,9 @@ class Variation(GraphNode):
             request.first,
             request.count,
             self._parents(request, system_of(settings).parents.get(operator, 0)),
-            self._snapshot(request, response) if operator in NEED_SNAPSHOT else None,
+            self._snapshot(request, response)
+            if needs_snapshot(operator, request.generation)
+            else None,
             os.cpu_count() or 1,
         )
         made = make_offspring(operator, wanted)
@@ -128,7 +130,7 @@ class Variation(GraphNode):
         if snapshot is None:
             response.again = True
             raise RequestError(
-                f"PG offspring of generation {request.generation} need its critic snapshot; here are "
+                f"Offspring of generation {request.generation} need its critic snapshot; here are "
                 f"those of {sorted(self._snapshots)}. Ask again once it has been published."
             )
         return snapshot

@@ -19,6 +19,7 @@ LOOKS = {
     Operator.PG: ("PG", "#0072b2", "o"),
     Operator.GREEDY: ("greedy controller", "#000000", "*"),
     Operator.IMPORTED: ("imported", "#cc79a7", "s"),
+    Operator.ES_SAMPLE: ("ES sample", "#56b4e9", "v"),
 }
 """Name, colour and mark by operator: colours that the colour-blind tell apart (Okabe and Ito), and marks besides."""
 

@@ -156,7 +156,8 @@ def episode_from_msg(msg: Transitions, spec: TaskSpec) -> Episode:
 def snapshot_to_msg(snapshot: Snapshot, run_id: str) -> CriticSnapshot:
     """Return a critic snapshot as a message."""
     msg = CriticSnapshot(run_id=run_id, generation=snapshot.generation, version=snapshot.version)
-    msg.critic_sizes = flat(snapshot.critic_shape.sizes, "q")
+    if snapshot.critic_shape:
+        msg.critic_sizes = flat(snapshot.critic_shape.sizes, "q")
     msg.critic = flat(snapshot.critic, "f")
     msg.greedy_sizes = flat(snapshot.greedy_shape.sizes, "q")
     msg.greedy = flat(snapshot.greedy, "f")
@@ -164,6 +165,8 @@ def snapshot_to_msg(snapshot: Snapshot, run_id: str) -> CriticSnapshot:
     msg.states = flat(snapshot.states, "f")
     msg.transitions = snapshot.transitions
     msg.critic_loss, msg.mean_q = snapshot.critic_loss, snapshot.mean_q
+    if snapshot.center is not None:
+        msg.center = flat(snapshot.center, "f")
     return msg
 
 
@@ -174,7 +177,9 @@ def snapshot_from_msg(msg: CriticSnapshot) -> Snapshot:
         RequestError: Its dimensions do not fit its arrays, or a number is not finite.
         NetworkError: Its parameters do not fit its layers.
     """
-    critic_shape = layers_from_msg(msg.critic_sizes, "critic_sizes")
+    critic_shape = (
+        layers_from_msg(msg.critic_sizes, "critic_sizes") if len(msg.critic_sizes) else None
+    )
     greedy_shape = layers_from_msg(msg.greedy_sizes, "greedy_sizes")
     states_shape = (msg.n_batches, msg.n_grad, msg.batch_size, msg.observation_dim)
     snapshot = Snapshot(
@@ -188,9 +193,15 @@ def snapshot_from_msg(msg: CriticSnapshot) -> Snapshot:
         transitions=msg.transitions,
         critic_loss=msg.critic_loss,
         mean_q=msg.mean_q,
+        center=np.array(msg.center, np.float32) if len(msg.center) else None,
     )
-    critic_shape.check(snapshot.critic)
+    if critic_shape:
+        critic_shape.check(snapshot.critic)
+    elif snapshot.critic.size:
+        raise RequestError("Field 'critic' has entries, but 'critic_sizes' has none.")
     greedy_shape.check(snapshot.greedy)
+    if snapshot.center is not None:
+        greedy_shape.check(snapshot.center)
     return snapshot
 
 

@@ -99,7 +99,8 @@ class GraphInSmall:
         if dies_late:
             self.restart_learner()
         for k in reversed(ids):
-            self.learner.experience.stage(t, k, episodes[k - ids.start])
+            episode = self._system.remembered(episodes[k - ids.start])
+            self.learner.experience.stage(t, k, episode)
         self.learner.experience.store(t)
         solutions = Solutions.of(
             fitness=[e.fitness for e in episodes],

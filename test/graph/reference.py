@@ -15,6 +15,16 @@ from pga_me_ros.core.settings import Settings
 from pga_me_ros.core.storage import Repertoire
 from pga_me_ros.tasks.registry import load_task
 
+ES = {
+    "algorithm": "map_elites_es",
+    "es_samples": 10,
+    "batch_size": 11,
+    "random_init": 1,
+    "n_evo": 50,
+    "es_steps": 2,
+}
+"""What MAP-Elites-ES needs on top of `TINY`; it changes from exploit to explore every second generation."""
+
 NOT_SETTINGS = ("evaluators", "serve", "run_dir")
 """Parameters of the orchestrator that decide nothing about the result."""
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 from graph import Graph
-from reference import run_digest, search_digest
+from reference import ES, run_digest, search_digest
 
 WALKER: dict[str, Any] = {"task": "qd_walker", "evaluations": 50}
 ANT: dict[str, Any] = {
@@ -29,6 +29,7 @@ VARIANTS: dict[str, dict[str, Any]] = {
     },
     "MAP-Elites": {"n_evo": 10},
     "TD3": {"algorithm": "td3", "n_evo": 50},
+    "MAP-Elites-ES": {**ES, "evaluations": 55},
 }
 
 

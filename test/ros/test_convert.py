@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -45,6 +46,14 @@ SNAPSHOT = Snapshot(
     transitions=900,
     critic_loss=0.25,
     mean_q=-3.5,
+)
+ES_SNAPSHOT = replace(
+    SNAPSHOT,
+    critic_shape=None,
+    critic=np.empty(0, np.float32),
+    states=np.empty((0, 0, 0, 0), np.float32),
+    transitions=0,
+    center=random_parameters(GREEDY, RNG),
 )
 INFO = RunInfo("r", Settings().to_dict(), SPEC.to_json(), (15, 8, 3), ("relu", "tanh"), {}, "now")
 
@@ -94,9 +103,10 @@ def test_a_malformed_episode_is_refused(changes: dict[str, Any], words: str) -> 
         convert.episode_from_msg(transitions(**changes), SPEC)
 
 
-def test_a_snapshot_comes_back_bit_for_bit() -> None:
-    back = convert.snapshot_from_msg(convert.snapshot_to_msg(SNAPSHOT, "r"))
-    assert_same_fields(back, SNAPSHOT)
+@pytest.mark.parametrize("snapshot", [SNAPSHOT, ES_SNAPSHOT], ids=["critics", "evolution"])
+def test_a_snapshot_comes_back_bit_for_bit(snapshot: Snapshot) -> None:
+    back = convert.snapshot_from_msg(convert.snapshot_to_msg(snapshot, "r"))
+    assert_same_fields(back, snapshot)
 
 
 @pytest.mark.parametrize(
@@ -106,6 +116,8 @@ def test_a_snapshot_comes_back_bit_for_bit() -> None:
         ("batch_size", -4, RequestError, "'states' has 360 entries"),
         ("critic_sizes", [18, 6, 1], NetworkError, r"layers \[18, 6, 1\] take \(121,\)"),
         ("greedy", convert.flat([math.nan] * 98, "f"), NetworkError, "Parameter 0 is nan"),
+        ("critic_sizes", [], RequestError, "'critic' has entries, but 'critic_sizes' has none"),
+        ("center", convert.flat([0.0] * 97, "f"), NetworkError, r"shape \(97,\)"),
     ],
 )
 def test_a_malformed_snapshot_is_refused(field: str, value: Any, error: type, words: str) -> None:

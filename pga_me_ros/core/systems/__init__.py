@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from pga_me_ros.core.systems.map_elites import MapElites
+from pga_me_ros.core.systems.map_elites_es import MapElitesEs
 from pga_me_ros.core.systems.pg_only import PgOnly
 from pga_me_ros.core.systems.pga_map_elites import PgaMapElites
 from pga_me_ros.core.systems.system import Slots, System
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
 __all__ = ["SYSTEMS", "Slots", "System", "system_of"]
 
 SYSTEMS: dict[str, System] = {
-    system.name: system for system in (PgaMapElites(), MapElites(), PgOnly(), Td3())
+    system.name: system for system in (PgaMapElites(), MapElites(), PgOnly(), Td3(), MapElitesEs())
 }
 """All of them, PGA-MAP-Elites first."""
 

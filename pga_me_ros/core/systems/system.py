@@ -21,8 +21,9 @@ if (
     TYPE_CHECKING
 ):  # settings ask the systems what fits; learners bring torch along, which light processes lack
     from pga_me_ros.core.elite_table import EliteTable
-    from pga_me_ros.core.learner import Learner
+    from pga_me_ros.core.learns import Learns
     from pga_me_ros.core.settings import Settings
+    from pga_me_ros.tasks.rollout import Episode
     from pga_me_ros.tasks.spec import TaskSpec
 
 
@@ -52,12 +53,22 @@ class System(ABC):
         title: Name for people, as in the paper.
         defaults: Values that it has in place of the defaults of `Settings`.
         parents: Parents that each operator takes; one that is not named takes none.
+        learns_critics: Whether what it learns, if it learns anything, is critics.
     """
 
     name: ClassVar[str]
     title: ClassVar[str]
     defaults: ClassVar[Mapping[str, Any]] = {}
     parents: ClassVar[Mapping[Operator, int]] = {Operator.GA: 2, Operator.PG: 1}
+    learns_critics: ClassVar[bool] = True
+
+    def own_values(self, settings: Settings) -> Mapping[str, Any]:
+        """Return the values that it has in place of the defaults of `Settings`.
+
+        Args:
+            settings: All of them, each checked by itself; those with a value of their own not yet put in.
+        """
+        return self.defaults
 
     def check(self, settings: Settings, given: Mapping[str, Any]) -> None:
         """Make sure that settings do not ask for what the system is not.
@@ -165,7 +176,11 @@ class System(ABC):
         """Return the standard deviation of the noise on all actions of a generation, 0 for none."""
         return 0.0
 
-    def make_learner(self, spec: TaskSpec, settings: Settings, workers: int = 1) -> Learner:
+    def remembered(self, episode: Episode) -> Episode:
+        """Return as much of an episode as has to be stored for what is learned from it."""
+        return episode
+
+    def make_learner(self, spec: TaskSpec, settings: Settings, workers: int = 1) -> Learns:
         """Return what learns from experience, and makes a snapshot of it for each generation.
 
         Args:

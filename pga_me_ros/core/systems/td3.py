@@ -10,7 +10,7 @@ from pga_me_ros.core.errors import SettingsError
 from pga_me_ros.core.systems.system import Slots, System
 
 if TYPE_CHECKING:
-    from pga_me_ros.core.learner import Learner
+    from pga_me_ros.core.learns import Learns
     from pga_me_ros.core.settings import Settings
     from pga_me_ros.tasks.spec import TaskSpec
 
@@ -50,7 +50,7 @@ class Td3(System):
         """Alg. 2 line 7; the random controllers at the start explore by themselves."""
         return settings.exploration_sigma if generation >= settings.init_generations else 0.0
 
-    def make_learner(self, spec: TaskSpec, settings: Settings, workers: int = 1) -> Learner:
+    def make_learner(self, spec: TaskSpec, settings: Settings, workers: int = 1) -> Learns:
         """Return one that trains for as many steps as the robot made."""
         from pga_me_ros.core.learner import StepwiseLearner
 
