@@ -23,6 +23,8 @@ class Purpose(IntEnum):
     CRITIC_INIT = 7
     CRITIC_TRAINING = 8
     REEVALUATION = 9
+    QDRL_SELECTION = 13
+    DIVERSITY_TRAINING = 14
 
 
 def generator(

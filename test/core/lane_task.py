@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Any, ClassVar
 
 import numpy as np
@@ -80,6 +81,36 @@ class Lane:
 
     def _observation(self) -> Float32Array:
         return np.array((self._aside, self._drift), np.float32)
+
+
+class RightLane(Lane):
+    """A lane whose descriptor is the share of the steps that end right of the middle, as each observation tells."""
+
+    spec: ClassVar[TaskSpec] = dataclasses.replace(
+        Lane.spec,
+        name="right_lane",
+        observation_names=("aside", "drift", "right"),
+        observation_units=("m", "m", ""),
+        descriptor_names=("right_share",),
+        archive_cells=8,
+        archive_bins=(8,),
+        step_descriptor_names=("right",),
+    )
+
+    def reset(self, rng: np.random.Generator) -> Float32Array:
+        self._right: list[bool] = []
+        return super().reset(rng)
+
+    def step(self, action: Float32Array) -> tuple[Float32Array, float, bool]:
+        observation, reward, terminated = super().step(action)
+        self._right.append(self._aside > 0.0)
+        return observation, reward, terminated
+
+    def descriptor(self) -> Float64Array:
+        return np.array([np.mean(self._right) if self._right else 0.0])
+
+    def _observation(self) -> Float32Array:
+        return np.array((self._aside, self._drift, self._aside > 0.0), np.float32)
 
 
 def grown(settings: Settings = SETTINGS, generations: int | None = None) -> Search:
