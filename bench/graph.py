@@ -34,6 +34,7 @@ from _processes import core_seconds, start_run
 from _run_times import committed
 from _stopwatch import Stopwatch
 
+from pga_me_ros.core import make_offspring
 from pga_me_ros.core import search as core_search
 from pga_me_ros.core.search import Search
 from pga_me_ros.core.settings import Settings
@@ -94,8 +95,8 @@ def run_search(part: Part, seed: int) -> Measured:
         (pybullet, "stepSimulation", "physics"),
         (core_search, "rollout", "Python around physics"),
         (search.learner, "train", "critic"),
-        (core_search, "pg_variation", "PG variation"),
-        (core_search, "sample_parents", "archive"),
+        (make_offspring, "pg_variation", "PG variation"),
+        (search.archive, "sample_parents", "archive"),
         (search.archive, "add", "archive"),
     ):
         for generation in range(part.generations):

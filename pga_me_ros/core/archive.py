@@ -105,10 +105,14 @@ class Archive(EliteTable, ABC):
         """
         return self._nearest_cells(self.checked_descriptors(descriptors))
 
-    def add(self, batch: Solutions) -> Added:
+    def add(self, batch: Solutions, offered: NDArray[np.bool_] | None = None) -> Added:
         """Offer solutions one after the other; strictly fitter ones replace (Alg. 3 lines 17-23).
 
         Either the whole batch is taken or, when anything about it is wrong, nothing.
+
+        Args:
+            batch: The solutions.
+            offered: (n,) which of them are offered, all by default; the others are rejected whatever their fitness.
 
         Raises:
             ArchiveError: Fitness, descriptors or parameters are not finite or of the wrong shape.
@@ -117,6 +121,8 @@ class Archive(EliteTable, ABC):
         cells = self.cell_of(batch.descriptors)
         status = np.full(len(batch), Status.REJECTED, np.int64)
         for i, cell in enumerate(cells.tolist()):
+            if offered is not None and not offered[i]:
+                continue
             if not self.filled[cell]:
                 status[i] = Status.NEW
             elif batch.fitness[i] > self.fitness[cell]:

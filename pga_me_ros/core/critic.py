@@ -82,7 +82,13 @@ class CriticTrainer:
         self._critic_input = self._zeros(1, rows, self.obs_dim + self.act_dim)
         self._action_gradient = self._zeros(1, rows, self.act_dim)
 
-    def train(self, replay: TransitionSource, settings: Settings, generation: int) -> dict[str, float]:
+    def train(
+        self,
+        replay: TransitionSource,
+        settings: Settings,
+        generation: int,
+        steps: int | None = None,
+    ) -> dict[str, float]:
         """Train for n_crit steps: Alg. 4.
 
         Args:
@@ -90,6 +96,7 @@ class CriticTrainer:
             settings: Those of the run with the rates that hold now; only rates may differ from the
                 first.
             generation: Number of the generation, from which all draws follow.
+            steps: Number of steps, at least 1, in place of n_crit.
 
         Returns:
             Means over the steps: 'critic_loss', 'mean_q' (of Q1 on the batch) and
@@ -101,10 +108,11 @@ class CriticTrainer:
             NetworkError: The networks are no longer finite.
         """
         rng = generator(self.settings.seed, self._purpose, generation)
+        steps = settings.n_crit if steps is None else steps
         loss, value = self._zeros(), self._zeros()
         objective = self._zeros()
         with torch.no_grad(), torch_threads(self.settings.torch_threads):
-            for t in range(1, settings.n_crit + 1):
+            for t in range(1, steps + 1):
                 batch = self._sample(replay, rng)
                 noise = self._smoothing_noise(settings, rng)
                 y = self._bellman_target(batch, noise, settings)
@@ -112,10 +120,10 @@ class CriticTrainer:
                 if t % settings.target_period == 0:
                     self._update_greedy(batch, settings, objective)
                     self._update_targets(settings)
-        n_crit, n_greedy = settings.n_crit, settings.n_crit // settings.target_period
+        n_greedy = steps // settings.target_period
         stats = {
-            "critic_loss": loss.item() / n_crit,
-            "mean_q": value.item() / n_crit,
+            "critic_loss": loss.item() / steps,
+            "mean_q": value.item() / steps,
             "greedy_objective": objective.item() / n_greedy if n_greedy else math.nan,
         }
         if not math.isfinite(stats["critic_loss"]):

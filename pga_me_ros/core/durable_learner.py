@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from pga_me_ros.core.critic_checkpoint import CriticCheckpoints
 from pga_me_ros.core.errors import RequestError
 from pga_me_ros.core.experience import Experience
-from pga_me_ros.core.learner import Learner
 from pga_me_ros.core.schedule import TrainingOrder
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.core.snapshot import Snapshot
+from pga_me_ros.core.systems import system_of
 from pga_me_ros.tasks.spec import TaskSpec
 
 
@@ -42,7 +42,7 @@ class DurableLearner:
         self._workers = workers
         self.experience = Experience(directory / "experience", settings)
         self._checkpoints = CriticCheckpoints(directory)
-        self._learner = Learner(spec, settings, workers)
+        self._learner = system_of(settings).make_learner(spec, settings, workers)
         self._trained_for: int | None = None  # None: not known to be the state of any checkpoint
 
     def find(self, order: TrainingOrder) -> Snapshot | None:
@@ -102,6 +102,7 @@ class DurableLearner:
             self._learner.load_state(state, snapshot.version)
             self._trained_for = snapshot.generation
         else:
-            self._learner = Learner(self._spec, self._settings, self._workers)
+            system = system_of(self._settings)
+            self._learner = system.make_learner(self._spec, self._settings, self._workers)
             self._trained_for = None
         return earlier is not None

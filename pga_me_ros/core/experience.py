@@ -12,7 +12,8 @@ from pga_me_ros.core.checkpoint import checkpoint_shapes, load_checkpoint, save_
 from pga_me_ros.core.errors import RequestError, StorageError
 from pga_me_ros.core.generation_files import GenerationFiles
 from pga_me_ros.core.schedule import evaluation_ids
-from pga_me_ros.core.settings import INT64_MAX, Settings
+from pga_me_ros.core.setting_field import INT64_MAX
+from pga_me_ros.core.settings import Settings
 from pga_me_ros.tasks.rollout import Episode
 
 

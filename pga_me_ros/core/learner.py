@@ -75,7 +75,7 @@ class Learner:
         self._trainer.set_greedy(parameters)
 
     def train(self, rates: Settings, generation: int) -> Snapshot:
-        """Train for n_crit steps (Alg. 4) and return what the offspring of a generation are made with.
+        """Train (Alg. 4) and return what the offspring of a generation are made with.
 
         Args:
             rates: Settings with the rates in force.
@@ -85,8 +85,9 @@ class Learner:
             PgaError: The replay buffer is empty.
             NetworkError: The training diverged.
         """
-        losses = self._trainer.train(self._replay, rates, generation)
-        self.version += rates.n_crit
+        steps = self._training_steps(rates)
+        losses = self._trainer.train(self._replay, rates, generation, steps)
+        self.version += steps
         sets = 1 if self._settings.pg_batches == "shared" else self._settings.batch_size
         states = [
             self._replay.state_batches(
@@ -126,6 +127,26 @@ class Learner:
         self._trainer.load_state(state)
         self.version = version
 
+    def _training_steps(self, rates: Settings) -> int:
+        return rates.n_crit
+
     def _clear_replay(self) -> None:
         dims = (self._spec.observation_dim, self._spec.action_dim)
         self._replay = ReplayBuffer(self._settings.replay_size, *dims)
+
+
+class StepwiseLearner(Learner):
+    """Trains for one step per step that the robot made in the newest generation (Alg. 2), whatever n_crit is."""
+
+    def __init__(self, spec: TaskSpec, settings: Settings, workers: int = 1) -> None:
+        super().__init__(spec, settings, workers)
+        self._newest_steps = 0
+
+    def add(self, generation: int, episodes: Iterable[Episode]) -> None:
+        """Add one generation's experience as `Learner` does, and remember how long it was."""
+        episodes = list(episodes)
+        super().add(generation, episodes)
+        self._newest_steps = sum(e.length for e in episodes)
+
+    def _training_steps(self, rates: Settings) -> int:
+        return self._newest_steps

@@ -1,4 +1,6 @@
-"""PGA-MAP-Elites in one process: Algorithms 3 to 5 of Nilsson & Cully (2021), as ask and tell.
+"""The whole search in one process: Algorithms 3 to 5 of Nilsson & Cully (2021), as ask and tell.
+
+What tells PGA-MAP-Elites from the systems that it is compared with is in `core.systems`.
 
 The node graph does the same work spread over processes; this is what it must agree with, bit for bit.
 """
@@ -14,24 +16,16 @@ from numpy.typing import NDArray
 from pga_me_ros.core.archive import Archive
 from pga_me_ros.core.elites import NO_PARENT, Operator, Solutions
 from pga_me_ros.core.errors import RequestError
-from pga_me_ros.core.learner import Learner
+from pga_me_ros.core.exploration import exploring
 from pga_me_ros.core.make_archive import make_archive
+from pga_me_ros.core.make_offspring import Wanted, make_offspring
 from pga_me_ros.core.metrics import Metrics, generation_metrics
-from pga_me_ros.core.offspring import ga_offspring, pg_states, random_controllers
-from pga_me_ros.core.pg_variation import pg_variation
 from pga_me_ros.core.policy import Controller, controller_shape
-from pga_me_ros.core.schedule import (
-    Slots,
-    batch_plan,
-    evaluation_ids,
-    evaluation_rng,
-    needs_snapshot,
-    sample_parents,
-    trains_meanwhile,
-)
+from pga_me_ros.core.schedule import evaluation_ids, evaluation_rng
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.core.snapshot import Snapshot
 from pga_me_ros.core.start_from import Controllers, starting_with
+from pga_me_ros.core.systems import Slots, system_of
 from pga_me_ros.tasks.protocol import Task
 from pga_me_ros.tasks.rollout import Episode, rollout
 from pga_me_ros.tasks.spec import TaskSpec
@@ -82,7 +76,8 @@ class Search:
         self._imported = imported
         self.shape = controller_shape(spec, settings)
         self.archive: Archive = make_archive(spec, settings)
-        self.learner = Learner(spec, settings)
+        self._system = system_of(settings)
+        self.learner = self._system.make_learner(spec, settings)
         self.metrics: list[Metrics] = []
         self._snapshot: Snapshot | None = None
 
@@ -98,12 +93,12 @@ class Search:
             NetworkError: Critic training diverged.
         """
         t, b = self.generation, self.settings.batch_size
-        if needs_snapshot(self.settings, t) and not self._trained_for(t):
+        if self._system.needs_snapshot(self.settings, t) and not self._trained_for(t):
             self._train_critic(t)
         operators = np.empty(b, np.int64)
         parents = np.full((b, 2), NO_PARENT, np.int64)
         parameters = np.empty((b, self.shape.parameter_count), np.float32)
-        for slots in batch_plan(self.settings, t, self._imported_count):
+        for slots in self._system.batch_plan(self.settings, t, self._imported_count):
             places = slice(slots.first, slots.first + slots.count)
             operators[places] = slots.operator
             parents[places], parameters[places] = self._variation(slots)
@@ -128,7 +123,7 @@ class Search:
                 f"Generation {batch.generation} was told, but {self.generation} comes next; tell each "
                 "batch once, in the order of ask."
             )
-        if trains_meanwhile(self.settings, batch.generation):
+        if self._system.trains_meanwhile(self.settings, batch.generation):
             self._train_critic(batch.generation + 1)  # on the experience up to generation - 1
         solutions = Solutions.of(
             fitness=[e.fitness for e in episodes],
@@ -142,7 +137,7 @@ class Search:
             terminated=[e.terminated for e in episodes],
         )
         self.learner.add(batch.generation, episodes)
-        added = self.archive.add(solutions)
+        added = self.archive.add(solutions, self._system.offered(solutions.operators))
         before = self.metrics[-1] if self.metrics else None
         self.metrics.append(
             generation_metrics(self.archive, solutions, added, batch.generation, before)
@@ -152,8 +147,14 @@ class Search:
     def run_generation(self, task: Task) -> Metrics:
         """Ask, evaluate in this process, tell."""
         batch = self.ask()
+        seed = self.settings.seed
+        sigma = self._system.exploration_sigma(self.settings, batch.generation)
         episodes = [
-            rollout(task, Controller(self.shape, p), evaluation_rng(self.settings.seed, k))
+            rollout(
+                task,
+                exploring(Controller(self.shape, p), sigma, seed, k),
+                evaluation_rng(seed, k),
+            )
             for k, p in zip(batch.evaluations, batch.parameters, strict=True)
         ]
         return self.tell(batch, episodes)
@@ -174,29 +175,18 @@ class Search:
     def _variation(self, slots: Slots) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
         """Make the offspring of one operator (Alg. 5); returns evaluation ids of parents, and parameters."""
         s, t, first, n = self.settings, self.generation, slots.first, slots.count
-        nobody = np.full((n, 2), NO_PARENT, np.int64)
+        parents = np.full((n, 2), NO_PARENT, np.int64)
         if slots.operator == Operator.IMPORTED:
             assert self._imported is not None
-            return nobody, self._imported[evaluation_ids(s, t)[first : first + n]]
-        if slots.operator == Operator.RANDOM:
-            return nobody, random_controllers(s, self.shape, t, first, n)
-        if slots.operator == Operator.GA:
-            cells = sample_parents(self.archive, s.seed, t, first, n, each=2)
-            offspring = ga_offspring(s, self.shape, t, first, self.archive.parameters[cells])
-            return self.archive.evaluations[cells], offspring
-        assert self._snapshot is not None
+            return parents, self._imported[evaluation_ids(s, t)[first : first + n]]
         if slots.operator == Operator.GREEDY:
-            return nobody, self._snapshot.greedy[None]
-        cells = sample_parents(self.archive, s.seed, t, first, n, each=1)
-        nobody[:, 0] = self.archive.evaluations[cells[:, 0]]
-        offspring = pg_variation(
-            self.archive.parameters[cells[:, 0]],
-            self._snapshot.critic,
-            pg_states(self._snapshot, first, n),
-            s.pg_learning_rate,
-            self.shape,
-            self._snapshot.critic_shape,
-            threads=s.torch_threads,
-            device=s.device,
-        )
-        return nobody, offspring
+            assert self._snapshot is not None
+            return parents, self._snapshot.greedy[None]
+        each = self._system.parents.get(slots.operator, 0)
+        chosen = np.empty((n, 0, self.shape.parameter_count), np.float32)
+        if each:
+            cells = self._system.choose_parents(self.archive, s, t, first, n, each)
+            parents[:, :each] = self.archive.evaluations[cells]
+            chosen = self.archive.parameters[cells]
+        wanted = Wanted(s, self.shape, t, first, n, chosen, self._snapshot)
+        return parents, make_offspring(slots.operator, wanted)

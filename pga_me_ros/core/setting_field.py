@@ -8,6 +8,8 @@ from typing import Any
 
 from pga_me_ros.core.errors import SettingsError, nearest_name
 
+INT64_MAX = 2**63 - 1
+
 
 def setting(
     default: Any,

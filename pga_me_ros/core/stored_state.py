@@ -12,8 +12,9 @@ from pga_me_ros.core.checkpoint import load_checkpoint
 from pga_me_ros.core.errors import StorageError
 from pga_me_ros.core.experience import Experience
 from pga_me_ros.core.generation_files import GenerationFiles
-from pga_me_ros.core.schedule import training_for, training_meanwhile, uses_critics
+from pga_me_ros.core.schedule import training_for, training_meanwhile
 from pga_me_ros.core.settings import Settings
+from pga_me_ros.core.systems import system_of
 
 DAMAGED = ".damaged"
 """What is added to the name of a file that is set aside."""
@@ -48,7 +49,7 @@ def require_sound_state(
     if lost:
         _require_repeatable(len(history), trained, sound, before, settings, files, damage)
         notes.append(f"the training that made {files.path(lost[0]).name} is done again")
-    if trained and uses_critics(settings):
+    if trained and system_of(settings).uses_critics(settings):
         experience = Experience(path / "experience", settings)
         for newest in range(len(history) - 1 - len(lost), len(history)):
             for generation in experience.window(newest):

@@ -17,10 +17,11 @@ from pga_me_ros.core.elites import NO_PARENT, Operator, Solutions, Status
 from pga_me_ros.core.errors import PgaError, RequestError, SettingsError, StorageError
 from pga_me_ros.core.metrics import Metrics, generation_metrics
 from pga_me_ros.core.metrics_file import METRICS_FILE, MetricsFile
-from pga_me_ros.core.schedule import evaluation_ids, sample_parents
+from pga_me_ros.core.schedule import evaluation_ids
 from pga_me_ros.core.setting_field import setting
 from pga_me_ros.core.settings import RATES, Settings
 from pga_me_ros.core.storage import Repertoire
+from pga_me_ros.core.systems import system_of
 from pga_me_ros.nodes.heatmap_topic import ArchivePictures
 from pga_me_ros.nodes.options import RunOptions
 from pga_me_ros.nodes.repertoire_services import RepertoireServices
@@ -121,7 +122,8 @@ class ArchiveManager(GraphNode):
 
     def _commit(self, batch: Solutions, request: AddToArchive.Request) -> list[int]:
         rates = with_rates(self._settings, request.rates)
-        added = self._archive.add(batch)
+        offered = system_of(self._settings).offered(batch.operators)
+        added = self._archive.add(batch, offered)
         metrics = generation_metrics(self._archive, batch, added, request.generation, self._metrics)
         elites = [self._archive.elite(cell) for cell in added.changed_cells.tolist()]
         try:
@@ -191,9 +193,9 @@ class ArchiveManager(GraphNode):
             )
         if request.parents_each not in (1, 2):
             raise RequestError(f"parents_each is {request.parents_each}; expected 1 or 2.")
-        cells = sample_parents(
+        cells = system_of(self._settings).choose_parents(
             self._archive,
-            self._settings.seed,
+            self._settings,
             request.generation,
             request.first,
             request.count,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import socket
 import threading
@@ -20,6 +21,7 @@ from pga_me_msgs.srv import Evaluate
 from rclpy.executors import ExternalShutdownException
 
 from pga_me_ros.core.errors import PgaError, RequestError
+from pga_me_ros.core.exploration import exploring
 from pga_me_ros.core.policy import Controller
 from pga_me_ros.core.schedule import evaluation_rng
 from pga_me_ros.core.setting_field import setting
@@ -82,7 +84,8 @@ class Evaluator(GraphNode):
             if not self.context.ok():
                 raise ExternalShutdownException  # others do what is left of the chunk
             rng = evaluation_rng(request.seed, evaluation)
-            episode = rollout(self._task, controller, rng)
+            acting = exploring(controller, request.exploration_sigma, request.seed, evaluation)
+            episode = rollout(self._task, acting, rng)
             episodes.append(episode)
             self._publish(request, evaluation, episode)
             self.count_done()
@@ -157,6 +160,10 @@ class Evaluator(GraphNode):
         if ids.size == 0 or min(ids.min(), request.seed, request.generation) < 0:
             raise RequestError(
                 "Give at least one evaluation id; ids, seed and generation must be at least 0."
+            )
+        if not 0.0 <= request.exploration_sigma < math.inf:
+            raise RequestError(
+                f"exploration_sigma is {request.exploration_sigma}; expected a finite number of at least 0."
             )
         shape = layers_from_msg(request.layer_sizes, "layer_sizes")
         if (shape.sizes[0], shape.sizes[-1]) != (self._spec.observation_dim, self._spec.action_dim):

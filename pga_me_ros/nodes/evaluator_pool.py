@@ -66,6 +66,7 @@ class EvaluatorPool:
         self._outcomes: dict[int, Outcome] = {}
         self._seconds = 0.0  # mean time per evaluation in a chunk, 0 while unknown
         self.generation = 0
+        self._exploration_sigma = 0.0
         self._error: PgaError | None = None
 
     def __len__(self) -> int:
@@ -79,10 +80,16 @@ class EvaluatorPool:
             sent = sum(len(c.ids) for worker in self._workers.values() for c in worker.chunks)
             return len(self._queue) + sent
 
-    def begin(self, generation: int) -> None:
-        """Forget the last generation's work and results."""
+    def begin(self, generation: int, exploration_sigma: float = 0.0) -> None:
+        """Forget the last generation's work and results.
+
+        Args:
+            generation: The next one.
+            exploration_sigma: Standard deviation of the noise on the actions of all its episodes.
+        """
         with self._lock:
             self.generation = generation
+            self._exploration_sigma = exploration_sigma
             self._queue.clear()
             self._parameters.clear()
             self._outcomes.clear()
@@ -259,6 +266,7 @@ class EvaluatorPool:
         request = Evaluate.Request(
             run_id=job.run_id, task=job.task, seed=job.seed, generation=self.generation
         )
+        request.exploration_sigma = self._exploration_sigma
         request.evaluations = flat(ids, "q")
         request.layer_sizes = flat(job.layer_sizes, "q")
         request.parameters = flat(np.stack([self._parameters[k] for k in ids]), "f")

@@ -13,14 +13,13 @@ from pga_me_ros.core.elites import NO_PARENT, Operator
 from pga_me_ros.core.errors import PgaError
 from pga_me_ros.core.policy import MlpShape
 from pga_me_ros.core.schedule import (
-    Slots,
     TrainingOrder,
-    batch_plan,
     evaluation_ids,
     training_for,
     training_meanwhile,
 )
 from pga_me_ros.core.settings import Settings
+from pga_me_ros.core.systems import Slots, system_of
 from pga_me_ros.nodes.caller import Waiter, accepted, call
 from pga_me_ros.nodes.critic_side import CriticSide
 from pga_me_ros.nodes.evaluator_pool import EvaluatorPool
@@ -29,9 +28,6 @@ from pga_me_ros.ros.convert import flat, rates_to_msg, shaped
 
 PIECE = 25
 """Offspring per request: evaluators start on the first ones while the next are made."""
-
-PARENTS = {Operator.RANDOM: 0, Operator.GA: 2, Operator.PG: 1}
-"""Parents that each operator takes."""
 
 
 @dataclass
@@ -108,14 +104,15 @@ class GenerationLoop:
             Metrics of the archive after it.
         """
         batch = Batch.empty(evaluation_ids(settings, t), self._shape.parameter_count)
-        self._pool.begin(t)
+        system = system_of(settings)
+        self._pool.begin(t, system.exploration_sigma(settings, t))
         trained = training_for(settings, before, t)
         if trained:
             self._critics.wait_for(trained)
         meanwhile = training_meanwhile(settings, t)
         if meanwhile:
             self._critics.start(meanwhile)
-        for slots in batch_plan(settings, t, len(self._imported)):
+        for slots in system.batch_plan(settings, t, len(self._imported)):
             self._fill(settings, t, batch, slots, trained)
         self._wait_for_results(batch)
         if meanwhile:
@@ -142,7 +139,7 @@ class GenerationLoop:
             elif slots.operator == Operator.IMPORTED:
                 batch.parameters[places] = self._imported[batch.ids[places]]
             else:
-                each = PARENTS[slots.operator]
+                each = system_of(settings).parents.get(slots.operator, 0)
                 ids, parents = self._sample(t, first, n, each)
                 batch.parents[places, :each] = ids
                 request = self._proposal(settings, t, slots, first, n, parents)

@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 from pga_me_msgs.msg import CriticSnapshot
 from pga_me_msgs.srv import Propose
 
+from pga_me_ros.core.elites import Operator
 from pga_me_ros.core.errors import PgaError, RequestError
-from pga_me_ros.core.offspring import ga_offspring, pg_states, random_controllers
-from pga_me_ros.core.pg_variation import pg_variation
+from pga_me_ros.core.make_offspring import MAKERS, NEED_SNAPSHOT, Wanted, make_offspring
 from pga_me_ros.core.policy import controller_shape, critic_shape
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.core.snapshot import Snapshot
+from pga_me_ros.core.systems import system_of
 from pga_me_ros.nodes.options import ChildOptions, require_run
 from pga_me_ros.ros import names, qos
 from pga_me_ros.ros.command_line import Program
@@ -98,24 +99,31 @@ class Variation(GraphNode):
         self.check_run(request.run_id, self._run_id)
         settings = with_rates(self._settings, request.rates)
         self._check_places(request)
-        if request.operator_id == Propose.Request.RANDOM:
-            made = random_controllers(
-                settings, self._shape, request.generation, request.first, request.count
-            )
-        elif request.operator_id == Propose.Request.GA:
-            parents = self._parents(request, each=2)
-            made = ga_offspring(settings, self._shape, request.generation, request.first, parents)
-        elif request.operator_id == Propose.Request.PG:
-            made = self._pg_offspring(request, settings, response)
-        else:
-            raise RequestError(f"Operator {request.operator_id} is unknown; expected 0, 1 or 2.")
+        operator = self._operator(request)
+        wanted = Wanted(
+            settings,
+            self._shape,
+            request.generation,
+            request.first,
+            request.count,
+            self._parents(request, system_of(settings).parents.get(operator, 0)),
+            self._snapshot(request, response) if operator in NEED_SNAPSHOT else None,
+            os.cpu_count() or 1,
+        )
+        made = make_offspring(operator, wanted)
         response.parameters = flat(made, "f")
         self._answered = (request, response.parameters)
         self.count_done(request.count)
 
-    def _pg_offspring(
-        self, request: Propose.Request, settings: Settings, response: Propose.Response
-    ) -> NDArray[np.float32]:
+    def _operator(self, request: Propose.Request) -> Operator:
+        if request.operator_id not in MAKERS:
+            known = ", ".join(f"{operator:d}" for operator in MAKERS)
+            raise RequestError(
+                f"Operator {request.operator_id} is unknown; expected one of {known}."
+            )
+        return Operator(request.operator_id)
+
+    def _snapshot(self, request: Propose.Request, response: Propose.Response) -> Snapshot:
         snapshot = self._snapshots.get(request.generation)
         if snapshot is None:
             response.again = True
@@ -123,18 +131,7 @@ class Variation(GraphNode):
                 f"PG offspring of generation {request.generation} need its critic snapshot; here are "
                 f"those of {sorted(self._snapshots)}. Ask again once it has been published."
             )
-        parents = self._parents(request, each=1)
-        return pg_variation(
-            parents[:, 0],
-            snapshot.critic,
-            pg_states(snapshot, request.first, request.count),
-            settings.pg_learning_rate,
-            self._shape,
-            snapshot.critic_shape,
-            threads=settings.torch_threads,
-            device=settings.device,
-            workers=os.cpu_count() or 1,
-        )
+        return snapshot
 
     def _parents(self, request: Propose.Request, each: int) -> NDArray[np.float32]:
         shape = (request.count, each, self._shape.parameter_count)

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from pga_me_ros.core.errors import SettingsError
-from pga_me_ros.core.setting_field import setting
-from pga_me_ros.core.settings import INT64_MAX
+from pga_me_ros.core.setting_field import INT64_MAX, setting
 
 
 @dataclass(frozen=True)

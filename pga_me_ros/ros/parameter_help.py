@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import Field, fields
 from typing import Any
 
-from pga_me_ros.core.settings import INT64_MAX
+from pga_me_ros.core.setting_field import INT64_MAX
 
 WIDTH = 96
 """Columns of the help."""

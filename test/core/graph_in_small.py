@@ -11,25 +11,23 @@ from lane_task import Lane
 from pga_me_ros.core.archive import Archive
 from pga_me_ros.core.durable_learner import DurableLearner
 from pga_me_ros.core.elites import NO_PARENT, Operator, Solutions
+from pga_me_ros.core.exploration import exploring
 from pga_me_ros.core.make_archive import make_archive
-from pga_me_ros.core.offspring import ga_offspring, pg_states, random_controllers
-from pga_me_ros.core.pg_variation import pg_variation
+from pga_me_ros.core.make_offspring import Wanted, make_offspring
 from pga_me_ros.core.policy import Controller, controller_shape
 from pga_me_ros.core.schedule import (
     TrainingOrder,
-    batch_plan,
     evaluation_ids,
     evaluation_rng,
-    sample_parents,
     training_for,
     training_meanwhile,
 )
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.core.snapshot import Snapshot
+from pga_me_ros.core.systems import system_of
 from pga_me_ros.tasks.rollout import rollout
 
 PIECE = 3
-PARENTS = {Operator.RANDOM: 0, Operator.GREEDY: 0, Operator.PG: 1, Operator.GA: 2}
 
 
 class GraphInSmall:
@@ -46,6 +44,7 @@ class GraphInSmall:
     ) -> None:
         self._settings, self._folder = settings, folder
         self._rates = {0: settings, **(rates or {})}
+        self._system = system_of(settings)
         self._shape = controller_shape(Lane.spec, settings)
         self._task = Lane()
         self.archive: Archive = make_archive(Lane.spec, settings)
@@ -89,8 +88,13 @@ class GraphInSmall:
         self._trained(meanwhile)
         operators, parents, parameters = self._offspring(s, t, snapshot)
         ids = evaluation_ids(s, t)
+        sigma = self._system.exploration_sigma(s, t)
         episodes = [
-            rollout(self._task, Controller(self._shape, p), evaluation_rng(s.seed, k))
+            rollout(
+                self._task,
+                exploring(Controller(self._shape, p), sigma, s.seed, k),
+                evaluation_rng(s.seed, k),
+            )
             for k, p in zip(ids, parameters, strict=True)
         ]
         if dies_late:
@@ -109,7 +113,7 @@ class GraphInSmall:
             steps=[e.length for e in episodes],
             terminated=[e.terminated for e in episodes],
         )
-        self.archive.add(solutions)
+        self.archive.add(solutions, self._system.offered(solutions.operators))
 
     def _offspring(
         self, s: Settings, t: int, snapshot: Snapshot | None
@@ -118,7 +122,7 @@ class GraphInSmall:
         operators = np.zeros(b, np.int64)
         parents = np.full((b, 2), NO_PARENT, np.int64)
         parameters = np.zeros((b, self._shape.parameter_count), np.float32)
-        for slots in batch_plan(s, t):
+        for slots in self._system.batch_plan(s, t):
             end = slots.first + slots.count
             for first in range(slots.first, end, PIECE):
                 places = slice(first, min(first + PIECE, end))
@@ -130,24 +134,12 @@ class GraphInSmall:
     def _made(
         self, s: Settings, t: int, snapshot: Snapshot | None, operator: Operator, first: int, n: int
     ) -> tuple[np.ndarray, np.ndarray]:
-        each = PARENTS[operator]
-        if operator == Operator.RANDOM:
-            return np.empty((n, 0)), random_controllers(s, self._shape, t, first, n)
         if operator == Operator.GREEDY:
             assert snapshot is not None
             return np.empty((n, 0)), snapshot.greedy[None]
-        cells = sample_parents(self.archive, s.seed, t, first, n, each)
-        chosen = self.archive.parameters[cells]
-        if operator == Operator.GA:
-            return self.archive.evaluations[cells], ga_offspring(s, self._shape, t, first, chosen)
-        assert snapshot is not None
-        made = pg_variation(
-            chosen[:, 0],
-            snapshot.critic,
-            pg_states(snapshot, first, n),
-            s.pg_learning_rate,
-            self._shape,
-            snapshot.critic_shape,
-            threads=s.torch_threads,
-        )
-        return self.archive.evaluations[cells], made
+        each = self._system.parents.get(operator, 0)
+        ids, chosen = np.empty((n, 0)), np.empty((n, 0, self._shape.parameter_count), np.float32)
+        if each:
+            cells = self._system.choose_parents(self.archive, s, t, first, n, each)
+            ids, chosen = self.archive.evaluations[cells], self.archive.parameters[cells]
+        return ids, make_offspring(operator, Wanted(s, self._shape, t, first, n, chosen, snapshot))

@@ -10,22 +10,27 @@ from pga_me_ros.core.archive import CvtArchive
 from pga_me_ros.core.elites import Operator
 from pga_me_ros.core.errors import ArchiveError
 from pga_me_ros.core.schedule import (
-    batch_plan,
     evaluation_ids,
     evaluation_rng,
-    sample_parents,
     training_for,
     training_meanwhile,
 )
 from pga_me_ros.core.settings import RATES, Settings
+from pga_me_ros.core.systems import system_of
 
 RANDOM, GA, PG, GREEDY = Operator.RANDOM, Operator.GA, Operator.PG, Operator.GREEDY
 SMALL = Settings(random_init=20, batch_size=10, n_evo=5)
 
 
 def plan(generation: int = 5, **changes: object) -> list[tuple[Operator, int, int]]:
-    slots = batch_plan(Settings(**changes), generation)  # type: ignore[arg-type]
+    settings = Settings(**changes)  # type: ignore[arg-type]
+    slots = system_of(settings).batch_plan(settings, generation)
     return [(s.operator, s.first, s.count) for s in slots]
+
+
+def sample_parents(archive, seed, *places):
+    settings = Settings(seed=seed)
+    return system_of(settings).choose_parents(archive, settings, *places)
 
 
 @pytest.mark.parametrize(

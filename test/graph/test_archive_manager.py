@@ -17,8 +17,8 @@ from sensor_msgs.msg import Image
 from stored import SETTINGS, B, Served, parameters, served, solutions, store
 
 from pga_me_ros.core.elites import Status
-from pga_me_ros.core.schedule import sample_parents
 from pga_me_ros.core.storage import Repertoire
+from pga_me_ros.core.systems import system_of
 from pga_me_ros.ros import qos
 from pga_me_ros.ros.convert import flat, rates_to_msg
 
@@ -123,7 +123,7 @@ def test_a_draw_that_makes_no_sense_is_refused(
 
 def test_parents_are_those_that_one_process_draws(growing: Served) -> None:
     response = growing.probe.call(SampleParents, SAMPLE, **sample())
-    cells = sample_parents(growing.archive, SETTINGS.seed, 1, 2, 3, 2)
+    cells = system_of(SETTINGS).choose_parents(growing.archive, SETTINGS, 1, 2, 3, 2)
     expected = growing.archive.parameters[cells]
     assert np.array_equal(response.evaluations, growing.archive.evaluations[cells].ravel())
     assert np.array_equal(np.array(response.parameters, np.float32), expected.ravel())

@@ -1,0 +1,37 @@
+"""Exploration noise: a controller that acts as an actor does while it learns (Alg. 2 line 9, Nilsson & Cully 2021)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pga_me_ros.core.rng import Purpose, generator
+
+Float32Array = NDArray[np.float32]
+Act = Callable[[Float32Array], Float32Array]
+
+
+def exploring(controller: Act, sigma: float, seed: int, evaluation: int) -> Act:
+    """Return a controller whose actions are those of another one plus Gaussian noise, clipped to -1..1.
+
+    The noise belongs to the evaluation, as its initial pose does: whoever repeats the evaluation draws the same.
+
+    Args:
+        controller: Maps an observation, (observation_dim,) float32, to an action, (action_dim,) float32.
+        sigma: Standard deviation of the noise; 0 returns the controller as it is.
+        seed: Seed of the run.
+        evaluation: Id of the evaluation; the controller returned is for this one episode.
+    """
+    if sigma == 0.0:
+        return controller
+    rng = generator(seed, Purpose.EXPLORATION, 0, evaluation)
+    scale = np.float32(sigma)
+
+    def act(observation: Float32Array) -> Float32Array:
+        action = controller(observation)
+        noise = rng.standard_normal(action.shape, np.float32) * scale
+        return np.clip(action + noise, np.float32(-1.0), np.float32(1.0))
+
+    return act
