@@ -39,8 +39,8 @@ class DiversityReplay:
             self._descriptors = Ring(replay.capacity, dimensions)
         except MemoryError as error:
             raise PgaError(
-                f"The state descriptors of replay_size={replay.capacity} transitions take more memory than this machine "
-                "gives; make replay_size smaller."
+                f"The state descriptors of replay_size={replay.capacity} transitions take more memory than this "
+                "machine gives; make replay_size smaller."
             ) from error
 
     def describe(self, descriptors: Rows) -> None:

@@ -24,6 +24,8 @@ class Operator(IntEnum):
     PG = 2
     GREEDY = 3
     IMPORTED = 4
+    QUALITY = 6
+    DIVERSITY = 7
 
 
 class Status(IntEnum):

@@ -67,13 +67,23 @@ def _ga(w: Wanted) -> Float32Array:
 
 def _pg(w: Wanted) -> Float32Array:
     assert w.snapshot is not None
+    return _climb(w, w.snapshot, w.snapshot.critic)
+
+
+def _diversity(w: Wanted) -> Float32Array:
+    assert w.snapshot is not None
+    assert w.snapshot.diversity_critic is not None
+    return _climb(w, w.snapshot, w.snapshot.diversity_critic)
+
+
+def _climb(w: Wanted, snapshot: Snapshot, critic: Float32Array) -> Float32Array:
     return pg_variation(
         w.parents[:, 0],
-        w.snapshot.critic,
-        pg_states(w.snapshot, w.first, w.count),
+        critic,
+        pg_states(snapshot, w.first, w.count),
         w.settings.pg_learning_rate,
         w.shape,
-        w.snapshot.critic_shape,
+        snapshot.critic_shape,
         threads=w.settings.torch_threads,
         device=w.settings.device,
         workers=w.workers,
@@ -84,8 +94,10 @@ MAKERS: dict[Operator, Callable[[Wanted], Float32Array]] = {
     Operator.RANDOM: _random,
     Operator.GA: _ga,
     Operator.PG: _pg,
+    Operator.QUALITY: _pg,
+    Operator.DIVERSITY: _diversity,
 }
 """What makes the offspring of each operator; the greedy controller and imported ones are not made but there."""
 
-NEED_SNAPSHOT = frozenset({Operator.PG})
+NEED_SNAPSHOT = frozenset({Operator.PG, Operator.QUALITY, Operator.DIVERSITY})
 """Operators that need what was learned for the generation."""

@@ -14,8 +14,8 @@ from pga_me_ros.core.elites import Operator, Solutions, Status
 class Metrics:
     """State of the archive after a generation, and what the generation added.
 
-    Counts per operator are in the order of `Operator`: random, ga, pg, greedy, imported; those of a file that is older
-    than an operator are filled up with zeros.
+    Counts per operator are in the order of `Operator`: random, ga, pg, greedy, imported, and so on; those of a file
+    that is older than an operator are filled up with zeros.
 
     Attributes:
         generation: Number of the generation, from 0.
@@ -83,5 +83,5 @@ def generation_metrics(
 
 
 def _per_operator(batch: Solutions, chosen: np.ndarray) -> tuple[int, ...]:
-    counts = np.bincount(batch.operators[chosen], minlength=len(Operator))
-    return tuple(counts.tolist())
+    counts = np.bincount(batch.operators[chosen], minlength=max(Operator) + 1)
+    return tuple(counts[list(Operator)].tolist())

@@ -55,7 +55,9 @@ def novelty(points: Floats, others: Floats, k: int, *, themselves: bool = False)
         if themselves:
             squares[np.arange(len(squares)), np.arange(len(points))[rows]] = np.inf
         nearest = np.partition(squares, k - 1, axis=1)[:, :k]
-        nearest.sort(axis=1)  # or the order of the sum, and with it the last bit, would be partition's whim
+        nearest.sort(
+            axis=1
+        )  # or the order of the sum, and with it the last bit, would be partition's whim
         out[rows] = np.sqrt(nearest).mean(axis=1)
     return out
 

@@ -13,9 +13,9 @@ from pga_me_ros.core.errors import ArchiveError
 def pareto_ranks(first: ArrayLike, second: ArrayLike) -> NDArray[np.int64]:
     """Return the front that each point belongs to: 0 for those that no other dominates, and so on without them.
 
-    A point dominates another if it is at least as great in both objectives and greater in one; equal points share a front.
-    One sweep by falling first objective: a point is dominated by a front exactly if some point of it that was swept before
-    is at least as great in the second, and the greatest second objective falls from front to front.
+    A point dominates another if it is at least as great in both objectives and greater in one; equal points share a
+    front. One sweep by falling first objective: a point is dominated by a front exactly if some point of it that was
+    swept before is at least as great in the second, and the greatest second objective falls from front to front.
 
     Args:
         first: (n,) numbers.
@@ -33,7 +33,9 @@ def pareto_ranks(first: ArrayLike, second: ArrayLike) -> NDArray[np.int64]:
             f"Objectives have the shapes {a.shape} and {b.shape}; expected two of (n,) without NaN."
         )
     ranks = np.zeros(len(a), np.int64)
-    lowered: list[float] = []  # of each front, minus the greatest second objective so far: ascending
+    lowered: list[
+        float
+    ] = []  # of each front, minus the greatest second objective so far: ascending
     last: tuple[float, float] | None = None
     rank = 0
     for i in np.lexsort((-b, -a)).tolist():

@@ -30,8 +30,9 @@ def pareto_parents(
 ) -> NDArray[np.int64]:
     """Choose the parents of a generation: the best fronts, as many elites as there are offspring.
 
-    Whole fronts as long as there is room, chance decides among the elites of the front for which there is not; with fewer
-    elites than offspring all are chosen, each as often as any other or once more. Chance also decides who goes where.
+    Whole fronts as long as there is room; chance decides among the elites of the front for which there is not. With
+    fewer elites than offspring all are chosen, each as often as any other or once more. Chance also decides who goes
+    where.
 
     Args:
         archive: Elites to choose from.

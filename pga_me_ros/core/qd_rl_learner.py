@@ -30,20 +30,26 @@ POINTS, SEEN = "state_archive", "state_archive_newest"
 class QdRlLearner(Learner):
     """Trains a second pair of critics, with a greedy controller of their own, on novelty in the place of reward.
 
-    The archive of state descriptors is brought up to date before each training, from the transitions of the generations
-    that it has not seen and that are still in the replay buffer. So it is a function of the trainings alone, whoever did
-    them and however often the replay buffer was filled anew in between.
+    The archive of state descriptors is brought up to date before each training, from the transitions of the
+    generations that it has not seen and that are still in the replay buffer. So it is a function of the trainings
+    alone, whoever did them and however often the replay buffer was filled anew in between.
 
     Args:
         spec: Task; it has state descriptors.
         settings: Settings of the run.
         workers: Threads of critic training.
 
+    Attributes:
+        diversity_transitions: What the diversity critics train on.
+
     Raises:
         TaskError: The task has no state descriptors.
         SettingsError: The device cannot be used here.
         PgaError: The machine cannot reserve memory for `replay_size` transitions.
     """
+
+    diversity_transitions: DiversityReplay
+    _unseen: int  # transitions that came in and that the archive has not seen
 
     def __init__(self, spec: TaskSpec, settings: Settings, workers: int = 1) -> None:
         require_step_descriptor(spec)
@@ -61,15 +67,15 @@ class QdRlLearner(Learner):
         episodes = list(episodes)
         super().add(generation, episodes)
         for episode in episodes:
-            self._diversity_replay.describe(state_descriptors(self._spec, episode))
+            self.diversity_transitions.describe(state_descriptors(self._spec, episode))
             self._unseen += episode.length if generation > self._seen else 0
 
     def train(self, rates: Settings, generation: int) -> Snapshot:
         """Train both pairs of critics, that of quality as `Learner` does; see there."""
         snapshot = super().train(rates, generation)
-        self._archive.add(self._diversity_replay.newest_descriptors(self._unseen))
+        self._archive.add(self.diversity_transitions.newest_descriptors(self._unseen))
         self._seen, self._unseen = self.newest, 0
-        self._diversity_trainer.train(self._diversity_replay, rates, generation)
+        self._diversity_trainer.train(self.diversity_transitions, rates, generation)
         return dataclasses.replace(
             snapshot, diversity_critic=self._diversity_trainer.critic_parameters()
         )
@@ -93,7 +99,9 @@ class QdRlLearner(Learner):
         points, seen = self._checked_archive(state)
         own = {name: a for name, a in state.items() if not name.startswith(DIVERSITY)}
         others = {
-            name.removeprefix(DIVERSITY): a for name, a in state.items() if name.startswith(DIVERSITY)
+            name.removeprefix(DIVERSITY): a
+            for name, a in state.items()
+            if name.startswith(DIVERSITY)
         }
         self._diversity_trainer.load_state(others)
         super().load_state(own, version)
@@ -118,8 +126,8 @@ class QdRlLearner(Learner):
 
     def _clear_replay(self) -> None:
         super()._clear_replay()
-        self._unseen = 0  # transitions in the replay buffer that the archive has not seen
-        self._diversity_replay = DiversityReplay(
+        self._unseen = 0
+        self.diversity_transitions = DiversityReplay(
             self._replay,
             self._spec.descriptor_dim,
             self._archive,

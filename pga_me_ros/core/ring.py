@@ -53,6 +53,6 @@ class Ring:
         Returns:
             (n, width) float32, a copy.
         """
-        # Indices count from the oldest row, wherever it lies in the ring: one that was saved and read back gives the same
-        # rows although it starts elsewhere.
+        # Indices count from the oldest row, wherever it lies in the ring: one that was saved and read
+        # back gives the same rows although it starts elsewhere.
         return np.take(self._rows, indices + self._oldest, axis=0, out=out, mode="wrap")

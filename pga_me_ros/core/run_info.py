@@ -112,8 +112,8 @@ def changed_fields(stored: Mapping[str, Any], now: Mapping[str, Any]) -> list[st
     """Name the fields in which a task's spec is not what a run was made with.
 
     Args:
-        stored: `TaskSpec.to_json()` of the run, as JSON gives it back. What it lacks because its version did not know of it
-            yet is no change.
+        stored: `TaskSpec.to_json()` of the run, as JSON gives it back. What it lacks because its version did not know
+            of it yet is no change.
         now: That of the task as it is now, in the same form.
     """
     added = OPTIONAL_FIELDS - stored.keys()

@@ -26,8 +26,8 @@ class Snapshot:
         transitions: Transitions in the replay buffer that it was trained on.
         critic_loss: Mean over the steps of both critics' mean squared errors.
         mean_q: Mean over the steps of the values that the first critic gave their batches.
-        diversity_critic: (P_critic,) float32 parameters of the first diversity critic, with the layers of `critic`; None
-            unless the system is `qd_rl`.
+        diversity_critic: (P_critic,) float32 parameters of the first diversity critic, with the layers of `critic`;
+            None unless the system is `qd_rl`.
     """
 
     generation: int

@@ -19,18 +19,18 @@ def require_step_descriptor(spec: TaskSpec) -> None:
     """
     if not spec.step_descriptor_names:
         raise TaskError(
-            f"Task '{spec.name}' has no state descriptors, which algorithm 'qd_rl' rewards diversity by. If its descriptor "
-            "is the mean of observation entries over the steps, name them in its spec (TaskSpec.step_descriptor_names); "
-            "otherwise choose another algorithm."
+            f"Task '{spec.name}' has no state descriptors, which algorithm 'qd_rl' rewards diversity by. If its "
+            "descriptor is the mean of observation entries over the steps, name them in its spec "
+            "(TaskSpec.step_descriptor_names); otherwise choose another algorithm."
         )
 
 
 def state_descriptors(spec: TaskSpec, episode: Episode) -> NDArray[np.float32]:
     """Return the descriptor of the episode up to each step, that step included, in shares of its range.
 
-    Of a locomotion task: each foot's share of the steps so far that ended with it on the floor. An observation may show that
-    one step late (`TaskSpec.step_descriptor_delay`), and of the last step not at all; but what it adds up to is the
-    descriptor of the whole episode, in any case.
+    Of a locomotion task: each foot's share of the steps so far that ended with it on the floor. An observation may show
+    that one step late (`TaskSpec.step_descriptor_delay`), and of the last step not at all; but what it adds up to is
+    the descriptor of the whole episode, in any case.
 
     Args:
         spec: Task.

@@ -158,6 +158,8 @@ def snapshot_to_msg(snapshot: Snapshot, run_id: str) -> CriticSnapshot:
     msg = CriticSnapshot(run_id=run_id, generation=snapshot.generation, version=snapshot.version)
     msg.critic_sizes = flat(snapshot.critic_shape.sizes, "q")
     msg.critic = flat(snapshot.critic, "f")
+    if snapshot.diversity_critic is not None:
+        msg.diversity_critic = flat(snapshot.diversity_critic, "f")
     msg.greedy_sizes = flat(snapshot.greedy_shape.sizes, "q")
     msg.greedy = flat(snapshot.greedy, "f")
     msg.n_batches, msg.n_grad, msg.batch_size, msg.observation_dim = snapshot.states.shape
@@ -188,8 +190,13 @@ def snapshot_from_msg(msg: CriticSnapshot) -> Snapshot:
         transitions=msg.transitions,
         critic_loss=msg.critic_loss,
         mean_q=msg.mean_q,
+        diversity_critic=np.array(msg.diversity_critic, np.float32)
+        if msg.diversity_critic
+        else None,
     )
     critic_shape.check(snapshot.critic)
+    if snapshot.diversity_critic is not None:
+        critic_shape.check(snapshot.diversity_critic)
     greedy_shape.check(snapshot.greedy)
     return snapshot
 

@@ -166,8 +166,9 @@ def _check_step_descriptor(spec: TaskSpec, episode: Episode) -> list[str]:
     if ((low - rounding <= total) & (total <= high + rounding)).all():
         return []
     return [
-        f"descriptor() is {episode.descriptor} after {episode.length} steps, but not the mean of the observation entries "
-        f"{list(spec.step_descriptor_names)} (TaskSpec.step_descriptor_names, one step late with step_descriptor_delay=1)"
+        f"descriptor() is {episode.descriptor} after {episode.length} steps, but not the mean of the observation "
+        f"entries {list(spec.step_descriptor_names)}; correct step_descriptor_names in the spec, or set "
+        "step_descriptor_delay to 1 if an observation shows them one step late"
     ]
 
 

@@ -36,8 +36,8 @@ class TaskSpec:
         archive_bins: Default number of bins per descriptor dimension of a grid archive.
         step_descriptor_names: One observation entry per descriptor dimension, whose mean over an episode's steps is its
             descriptor; empty if the descriptor is of another kind. System `qd_rl` needs them.
-        step_descriptor_delay: 0 if the observation that a step returns shows what the step adds to these means, 1 if that
-            of the step after it does.
+        step_descriptor_delay: 0 if the observation that a step returns shows what the step adds to these means, 1 if
+            that of the step after it does.
 
     Raises:
         TaskError: A field has the wrong type or length, or low is not below high.
@@ -104,8 +104,8 @@ class TaskSpec:
         """Return the spec that `to_json` described.
 
         Args:
-            fields: One entry per field of the dataclass, sequences as lists; those that have defaults may be missing, as
-                in what an older version wrote.
+            fields: One entry per field of the dataclass, sequences as lists; those that have defaults may be missing,
+                as in what an older version wrote.
 
         Raises:
             TaskError: A field is missing, unknown or invalid.
@@ -177,8 +177,6 @@ class TaskSpec:
 
 
 OPTIONAL_FIELDS = frozenset(
-    field.name
-    for field in dataclasses.fields(TaskSpec)
-    if field.default is not dataclasses.MISSING
+    field.name for field in dataclasses.fields(TaskSpec) if field.default is not dataclasses.MISSING
 )
 """Fields that a task may leave out, and that specs which an older version wrote lack."""
