@@ -15,7 +15,9 @@ import rclpy
 from rclpy.executors import ExternalShutdownException
 
 from pga_me_ros.client import Behavior, RepertoireClient, RepertoireInfo
+from pga_me_ros.core.exploration import as_evaluated
 from pga_me_ros.core.schedule import evaluation_rng
+from pga_me_ros.core.settings import Settings
 from pga_me_ros.ros.environment import prepare_environment
 from pga_me_ros.ros.process import report
 from pga_me_ros.tasks.protocol import Task
@@ -37,8 +39,9 @@ def show(behavior: Behavior, info: RepertoireInfo, task: Task) -> bool:
     Returns:
         Whether the evaluation repeated with its seed gave the promised fitness and descriptor, bit for bit.
     """
-    seed = int(info.settings["seed"])
-    again = rollout(task, behavior.controller, evaluation_rng(seed, behavior.evaluation))
+    settings = Settings.from_mapping(info.settings)
+    seed, k = settings.seed, behavior.evaluation
+    again = rollout(task, as_evaluated(settings, behavior.controller, k), evaluation_rng(seed, k))
     others = [
         rollout(task, behavior.controller, evaluation_rng(seed + 1, k)) for k in range(OTHER_STARTS)
     ]

@@ -87,7 +87,7 @@ class CriticTrainer:
         replay: TransitionSource,
         settings: Settings,
         generation: int,
-        steps: int | None = None,
+        steps: range | None = None,
     ) -> dict[str, float]:
         """Train for n_crit steps: Alg. 4.
 
@@ -96,7 +96,7 @@ class CriticTrainer:
             settings: Those of the run with the rates that hold now; only rates may differ from the
                 first.
             generation: Number of the generation, from which all draws follow.
-            steps: Number of steps, at least 1, in place of n_crit.
+            steps: Numbers of the steps, at least one, in place of 1 to n_crit.
 
         Returns:
             Means over the steps: 'critic_loss', 'mean_q' (of Q1 on the batch) and
@@ -108,11 +108,11 @@ class CriticTrainer:
             NetworkError: The networks are no longer finite.
         """
         rng = generator(self.settings.seed, self._purpose, generation)
-        steps = settings.n_crit if steps is None else steps
+        steps = range(1, settings.n_crit + 1) if steps is None else steps
         loss, value = self._zeros(), self._zeros()
         objective = self._zeros()
         with torch.no_grad(), torch_threads(self.settings.torch_threads):
-            for t in range(1, steps + 1):
+            for t in steps:
                 batch = self._sample(replay, rng)
                 noise = self._smoothing_noise(settings, rng)
                 y = self._bellman_target(batch, noise, settings)
@@ -120,10 +120,10 @@ class CriticTrainer:
                 if t % settings.target_period == 0:
                     self._update_greedy(batch, settings, objective)
                     self._update_targets(settings)
-        n_greedy = steps // settings.target_period
+        n_greedy = len([t for t in steps if t % settings.target_period == 0])
         stats = {
-            "critic_loss": loss.item() / steps,
-            "mean_q": value.item() / steps,
+            "critic_loss": loss.item() / len(steps),
+            "mean_q": value.item() / len(steps),
             "greedy_objective": objective.item() / n_greedy if n_greedy else math.nan,
         }
         if not math.isfinite(stats["critic_loss"]):

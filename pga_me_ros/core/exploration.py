@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pga_me_ros.core.rng import Purpose, generator
+from pga_me_ros.core.settings import Settings
+from pga_me_ros.core.systems import system_of
 
 Float32Array = NDArray[np.float32]
 Act = Callable[[Float32Array], Float32Array]
@@ -35,3 +37,16 @@ def exploring(controller: Act, sigma: float, seed: int, evaluation: int) -> Act:
         return np.clip(action + noise, np.float32(-1.0), np.float32(1.0))
 
     return act
+
+
+def as_evaluated(settings: Settings, controller: Act, evaluation: int) -> Act:
+    """Return a controller as it acted, or will act, in an evaluation of a run.
+
+    Args:
+        settings: Settings of the run.
+        controller: The controller of that evaluation, see `exploring`.
+        evaluation: Id of the evaluation.
+    """
+    generation = evaluation // settings.batch_size
+    sigma = system_of(settings).exploration_sigma(settings, generation)
+    return exploring(controller, sigma, settings.seed, evaluation)

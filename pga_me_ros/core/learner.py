@@ -85,9 +85,9 @@ class Learner:
             PgaError: The replay buffer is empty.
             NetworkError: The training diverged.
         """
-        steps = self._training_steps(rates)
+        steps = self._steps(rates)
         losses = self._trainer.train(self._replay, rates, generation, steps)
-        self.version += steps
+        self.version += len(steps)
         sets = 1 if self._settings.pg_batches == "shared" else self._settings.batch_size
         states = [
             self._replay.state_batches(
@@ -127,8 +127,9 @@ class Learner:
         self._trainer.load_state(state)
         self.version = version
 
-    def _training_steps(self, rates: Settings) -> int:
-        return rates.n_crit
+    def _steps(self, rates: Settings) -> range:
+        """Return the numbers of the steps of a training; each counts its own (Alg. 4 line 2)."""
+        return range(1, rates.n_crit + 1)
 
     def _clear_replay(self) -> None:
         dims = (self._spec.observation_dim, self._spec.action_dim)
@@ -136,17 +137,22 @@ class Learner:
 
 
 class StepwiseLearner(Learner):
-    """Trains for one step per step that the robot made in the newest generation (Alg. 2), whatever n_crit is."""
+    """Trains for one step per step that the robot made in the newest generation (Alg. 2), whatever n_crit is.
+
+    Steps are counted over the whole run, as in TD3: which of them also update the actor does not depend on how they are
+    divided among trainings.
+    """
 
     def __init__(self, spec: TaskSpec, settings: Settings, workers: int = 1) -> None:
         super().__init__(spec, settings, workers)
-        self._newest_steps = 0
+        self._robot_steps = 0
 
     def add(self, generation: int, episodes: Iterable[Episode]) -> None:
         """Add one generation's experience as `Learner` does, and remember how long it was."""
         episodes = list(episodes)
         super().add(generation, episodes)
-        self._newest_steps = sum(e.length for e in episodes)
+        self._robot_steps = sum(e.length for e in episodes)
 
-    def _training_steps(self, rates: Settings) -> int:
-        return self._newest_steps
+    def _steps(self, rates: Settings) -> range:
+        """Return the numbers of the steps of a training, counted from the start of the run."""
+        return range(self.version + 1, self.version + self._robot_steps + 1)

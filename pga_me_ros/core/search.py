@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from pga_me_ros.core.archive import Archive
 from pga_me_ros.core.elites import NO_PARENT, Operator, Solutions
 from pga_me_ros.core.errors import RequestError
-from pga_me_ros.core.exploration import exploring
+from pga_me_ros.core.exploration import as_evaluated
 from pga_me_ros.core.make_archive import make_archive
 from pga_me_ros.core.make_offspring import Wanted, make_offspring
 from pga_me_ros.core.metrics import Metrics, generation_metrics
@@ -147,14 +147,9 @@ class Search:
     def run_generation(self, task: Task) -> Metrics:
         """Ask, evaluate in this process, tell."""
         batch = self.ask()
-        seed = self.settings.seed
-        sigma = self._system.exploration_sigma(self.settings, batch.generation)
+        s = self.settings
         episodes = [
-            rollout(
-                task,
-                exploring(Controller(self.shape, p), sigma, seed, k),
-                evaluation_rng(seed, k),
-            )
+            rollout(task, as_evaluated(s, Controller(self.shape, p), k), evaluation_rng(s.seed, k))
             for k, p in zip(batch.evaluations, batch.parameters, strict=True)
         ]
         return self.tell(batch, episodes)

@@ -18,6 +18,7 @@ from std_msgs.msg import String
 from tf2_msgs.msg import TFMessage
 
 from pga_me_ros.core.errors import TaskError
+from pga_me_ros.core.exploration import as_evaluated
 from pga_me_ros.core.schedule import evaluation_rng
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.nodes.options import RunOptions
@@ -158,12 +159,12 @@ class BehaviorPlayer(GraphNode):
             self._publish(reader.model, state, period)
 
         fresh = self._values["start"] == "fresh"
-        rng = (
-            evaluation_rng(source.seed + 1, episode)  # as no evaluation of the run was started
-            if fresh
-            else evaluation_rng(source.seed, gait.evaluation)
-        )
-        done = watched_rollout(task, gait.controller, rng, look)
+        s, k = source.settings, gait.evaluation
+        if fresh:  # as no evaluation of the run was started
+            act, rng = gait.controller, evaluation_rng(s.seed + 1, episode)
+        else:
+            act, rng = as_evaluated(s, gait.controller, k), evaluation_rng(s.seed, k)
+        done = watched_rollout(task, act, rng, look)
         self.count_done()
         factor = done.length * period / max(self._pace.elapsed(), 1e-9)
         text = f"episode {episode + 1}: {kept(gait, done)}; {done.length} steps at {factor:.2f} x real time"

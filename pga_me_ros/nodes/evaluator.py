@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import math
 import os
 import socket
 import threading
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from importlib.metadata import version
 
 os.environ.setdefault(
@@ -24,7 +23,7 @@ from pga_me_ros.core.errors import PgaError, RequestError
 from pga_me_ros.core.exploration import exploring
 from pga_me_ros.core.policy import Controller
 from pga_me_ros.core.schedule import evaluation_rng
-from pga_me_ros.core.setting_field import setting
+from pga_me_ros.core.setting_field import checked_value, setting
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.nodes.options import RunOptions
 from pga_me_ros.ros import names, qos
@@ -45,6 +44,9 @@ READER_WAIT = 2.0
 
 ELDER = 5.0
 """Seconds after the start: a namesake that is heard within them was there before."""
+
+EXPLORATION_SIGMA = next(f for f in fields(Settings) if f.name == "exploration_sigma")
+"""The setting that says which noise there may be."""
 
 
 @dataclass(frozen=True)
@@ -150,6 +152,7 @@ class Evaluator(GraphNode):
 
         Raises:
             RequestError: Wrong task, ids, layers or parameters.
+            SettingsError: The noise is out of its range.
         """
         if request.task != self._task_name:
             raise RequestError(
@@ -161,10 +164,7 @@ class Evaluator(GraphNode):
             raise RequestError(
                 "Give at least one evaluation id; ids, seed and generation must be at least 0."
             )
-        if not 0.0 <= request.exploration_sigma < math.inf:
-            raise RequestError(
-                f"exploration_sigma is {request.exploration_sigma}; expected a finite number of at least 0."
-            )
+        checked_value(EXPLORATION_SIGMA, request.exploration_sigma)
         shape = layers_from_msg(request.layer_sizes, "layer_sizes")
         if (shape.sizes[0], shape.sizes[-1]) != (self._spec.observation_dim, self._spec.action_dim):
             raise RequestError(

@@ -10,6 +10,7 @@ from rclpy.node import Node
 from rclpy.task import Future
 
 from pga_me_ros.client import RepertoireClient
+from pga_me_ros.core.settings import Settings
 from pga_me_ros.player.stored import Gait, StoredRepertoire
 
 
@@ -18,11 +19,11 @@ class Source(Protocol):
 
     Attributes:
         task: Name that the task is loaded by.
-        seed: Seed of the run.
+        settings: Settings of the run.
     """
 
     task: str
-    seed: int
+    settings: Settings
 
     def choose(self, wanted: Mapping[str, Any]) -> Gait:
         """Return a gait.
@@ -50,8 +51,8 @@ class Served:
     def __init__(self, node: Node, wait: Callable[[Future], Any]) -> None:
         self._client = RepertoireClient(node)
         self._wait = wait
-        settings = wait(self._client.get_info_async()).settings
-        self.task, self.seed = str(settings["task"]), int(settings["seed"])
+        self.settings = Settings.from_mapping(wait(self._client.get_info_async()).settings)
+        self.task = self.settings.task
 
     def choose(self, wanted: Mapping[str, Any]) -> Gait:
         """Return a gait, see `Source`."""
@@ -70,7 +71,7 @@ class Stored:
 
     def __init__(self, path: Path) -> None:
         self._repertoire = StoredRepertoire.load(path)
-        self.task, self.seed = self._repertoire.task, self._repertoire.seed
+        self.task, self.settings = self._repertoire.task, self._repertoire.settings
 
     def choose(self, wanted: Mapping[str, Any]) -> Gait:
         """Return a gait, see `Source`."""

@@ -14,6 +14,7 @@ from pga_me_ros.core.archive import Archive
 from pga_me_ros.core.errors import RequestError, StorageError
 from pga_me_ros.core.policy import Controller, MlpShape
 from pga_me_ros.core.run_directory import REPERTOIRE
+from pga_me_ros.core.settings import Settings
 from pga_me_ros.core.storage import Repertoire
 from pga_me_ros.tasks.protocol import Float32Array, Float64Array
 from pga_me_ros.tasks.spec import TaskSpec
@@ -59,14 +60,14 @@ class StoredRepertoire:
     Attributes:
         name: Name of the run's folder.
         task: Name that the task is loaded by.
-        seed: Seed of the run.
+        settings: Settings of the run.
         spec: The task.
         archive: The archive.
     """
 
     name: str
     task: str
-    seed: int
+    settings: Settings
     spec: TaskSpec
     archive: Archive
     shape: MlpShape
@@ -89,7 +90,7 @@ class StoredRepertoire:
         return cls(
             name=file.absolute().parent.name,
             task=str(info.settings["task"]),
-            seed=int(info.settings["seed"]),
+            settings=Settings.from_mapping(info.settings),
             spec=TaskSpec.from_json(info.task),
             archive=archive,
             shape=MlpShape(tuple(info.layer_sizes)),

@@ -12,6 +12,7 @@ from pathlib import Path
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as evaluators have it
 
 from pga_me_ros.core.errors import PgaError, RequestError, StorageError
+from pga_me_ros.core.exploration import as_evaluated
 from pga_me_ros.core.program import run_program
 from pga_me_ros.core.schedule import evaluation_rng
 from pga_me_ros.player.promise import kept
@@ -116,8 +117,9 @@ def _draw_sheet(
 
 def _recorded(repertoire: StoredRepertoire, task: Task, gait: Gait, every: int) -> Recording:
     """Run a gait from the very start of its evaluation, and say whether it came to the same."""
-    rng = evaluation_rng(repertoire.seed, gait.evaluation)
-    recording = record(task, gait.controller, rng, every)
+    s, k = repertoire.settings, gait.evaluation
+    act = as_evaluated(s, gait.controller, k)
+    recording = record(task, act, evaluation_rng(s.seed, k), every)
     print(f"cell {gait.cell}: {kept(gait, recording.episode)}", file=sys.stderr)
     return recording
 

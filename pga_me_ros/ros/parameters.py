@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from dataclasses import fields
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import Field, fields
 from typing import Any
 
 from rcl_interfaces.msg import (
@@ -43,6 +43,15 @@ def declare(
     Raises:
         SettingsError: A given name is unknown, or a value has the wrong type or is out of range.
     """
+    known, values = _checked(node, kinds, shared)
+    _declare(node, known, values, fixed=fixed)
+    return values
+
+
+def _checked(
+    node: Node, kinds: tuple[type, ...], shared: tuple[type, ...] = ()
+) -> tuple[dict[str, Field[Any]], dict[str, Any]]:
+    """Take what was given to a node from it; return fields and checked values by name, see `declare`."""
     given = {n: p.value for n, p in node.get_parameters_by_prefix("").items() if not _own(n)}
     known = {f.name: f for kind in kinds for f in fields(kind)}
     others = {f.name for kind in shared for f in fields(kind)}
@@ -53,14 +62,17 @@ def declare(
                 f"those of '{node.get_name()}', docs/parameters.md all."
             )
         node.undeclare_parameter(name)
-    values = {}
+    return known, {name: checked_value(f, given.get(name, f.default)) for name, f in known.items()}
+
+
+def _declare(
+    node: Node, known: Mapping[str, Field[Any]], values: Mapping[str, Any], *, fixed: bool
+) -> None:
     for name, f in known.items():
-        values[name] = checked_value(f, given.get(name, f.default))
         value = list(values[name]) if isinstance(values[name], tuple) else values[name]
         described = descriptor(f)
         described.read_only |= fixed
         node.declare_parameter(name, value, described, ignore_override=True)
-    return values
 
 
 def declare_run(
@@ -68,15 +80,18 @@ def declare_run(
 ) -> tuple[Settings, dict[str, Any]]:
     """Declare the settings of a run and a node's own options; `fixed` as in `declare`.
 
+    Parameters show what is in force: where the system has a default of its own, that one.
+
     Returns:
         The settings, and the options by name.
 
     Raises:
         SettingsError: As in `declare`, or the settings do not fit each other.
     """
-    values = declare(node, Settings, options, fixed=fixed)
+    known, values = _checked(node, (Settings, options))
     names = {f.name for f in fields(Settings)}
     settings = Settings.from_mapping({n: v for n, v in values.items() if n in names})
+    _declare(node, known, values | {n: getattr(settings, n) for n in names}, fixed=fixed)
     return settings, {n: v for n, v in values.items() if n not in names}
 
 

@@ -11,7 +11,7 @@ from lane_task import Lane
 from pga_me_ros.core.archive import Archive
 from pga_me_ros.core.durable_learner import DurableLearner
 from pga_me_ros.core.elites import NO_PARENT, Operator, Solutions
-from pga_me_ros.core.exploration import exploring
+from pga_me_ros.core.exploration import as_evaluated
 from pga_me_ros.core.make_archive import make_archive
 from pga_me_ros.core.make_offspring import Wanted, make_offspring
 from pga_me_ros.core.policy import Controller, controller_shape
@@ -93,11 +93,10 @@ class GraphInSmall:
         self._trained(meanwhile)
         operators, parents, parameters = self._offspring(s, t, snapshot)
         ids = evaluation_ids(s, t)
-        sigma = self._system.exploration_sigma(s, t)
         episodes = [
             rollout(
                 self._task,
-                exploring(Controller(self._shape, p), sigma, s.seed, k),
+                as_evaluated(s, Controller(self._shape, p), k),
                 evaluation_rng(s.seed, k),
             )
             for k, p in zip(ids, parameters, strict=True)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from graph_in_small import GraphInSmall
 from lane_task import SETTINGS, Lane, SteeredLane, grown, learner_bits
+from operator_counts import per_operator
 from scipy.spatial import cKDTree
 
 from pga_me_ros.core.elites import NO_PARENT, Operator
@@ -115,9 +116,8 @@ def test_a_training_done_again_starts_from_the_state_archive_before_it(tmp_path)
 
 
 def test_half_of_a_batch_climbs_each_critic(whole):
-    made = [m.offspring for m in whole.metrics]
-    at = list(Operator).index
-    assert [(m[at(Operator.QUALITY)], m[at(Operator.DIVERSITY)]) for m in made[2:]] == [(5, 5)] * 6
+    half = per_operator(quality=5, diversity=5)
+    assert [m.offspring for m in whole.metrics[2:]] == [half] * 6
     odd = system_of(QD_RL).batch_plan(QD_RL.replace(batch_size=7), 10)
     assert [(s.operator, s.first, s.count) for s in odd] == [
         (Operator.QUALITY, 0, 4),

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from graph_in_small import GraphInSmall
 from lane_task import SETTINGS, Lane, grown
+from operator_counts import per_operator
 
 from pga_me_ros.core.elites import NO_PARENT, Operator
 from pga_me_ros.core.errors import ArchiveError, RequestError
@@ -59,7 +60,7 @@ def test_gradients_find_what_genetic_variation_alone_does_not(whole):
 def test_without_gradients_no_critic_is_trained():
     search = grown(BRIEF.replace(n_evo=BRIEF.batch_size))
     assert search.learner.version == 0
-    assert search.metrics[-1].offspring == (0, 10, 0, 0, 0)
+    assert search.metrics[-1].offspring == per_operator(ga=10)
 
 
 def test_critics_train_for_every_generation_of_offspring(whole):
@@ -69,7 +70,11 @@ def test_critics_train_for_every_generation_of_offspring(whole):
 
 def test_metrics_count_what_was_evaluated(whole):
     assert [m.evaluations for m in whole.metrics] == list(range(10, 161, 10))
-    assert [m.offspring for m in whole.metrics[:3]] == [(10, 0, 0, 0, 0)] * 2 + [(0, 5, 4, 1, 0)]
+    assert [m.offspring for m in whole.metrics[:3]] == [
+        per_operator(random=10),
+        per_operator(random=10),
+        per_operator(ga=5, pg=4, greedy=1),
+    ]
 
 
 def test_parents_are_elites_that_were_there_before(whole):

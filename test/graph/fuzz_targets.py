@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import array
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -288,6 +289,7 @@ def evaluate_target(world: World, evaluator: str) -> Target:
         ("layer_sizes", numbers("q", 100_000, 22)),
         *of_length("parameters", "f", p),
         *not_finite("parameters", "f", p),
+        *((("exploration_sigma", x)) for x in (-0.1, 10.1, math.nan, math.inf)),
     ]
     return Target(
         f"{evaluator}/evaluate", sound, tuple(faults), owned=False, harmless=True, generations=()

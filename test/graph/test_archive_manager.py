@@ -16,7 +16,7 @@ from pga_me_msgs.srv import AddToArchive, GetBehavior, GetInfo, SampleParents
 from sensor_msgs.msg import Image
 from stored import SETTINGS, B, Served, parameters, served, solutions, store
 
-from pga_me_ros.core.elites import Status
+from pga_me_ros.core.elites import Operator, Status
 from pga_me_ros.core.storage import Repertoire
 from pga_me_ros.core.systems import system_of
 from pga_me_ros.ros import qos
@@ -85,7 +85,10 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
         "'descriptors' holds NaN",
     ),
     "parameter NaN": ({"parameters": flat(parameters(1) * np.nan, "f")}, "'parameters' holds NaN"),
-    "no such operator": ({"operators": [5] * B}, "'operators' holds 5; expected 0 to 4"),
+    "no such operator": (
+        {"operators": [max(Operator) + 1] * B},
+        f"'operators' holds {max(Operator) + 1}; expected 0 to {max(Operator):d}",
+    ),
     "no such parent": ({"parents": flat(np.full(20, -2), "q")}, "'parents' holds -2"),
     "an episode of no steps": ({"steps": flat(np.zeros(B), "q")}, "'steps' holds 0; expected 1"),
     "rates out of range": ({"rates": no_rates()}, "n_evo is 11"),

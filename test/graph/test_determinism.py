@@ -28,6 +28,7 @@ VARIANTS: dict[str, dict[str, Any]] = {
         "line_noise": "tensor",
     },
     "MAP-Elites": {"n_evo": 10},
+    "TD3": {"algorithm": "td3", "n_evo": 50},
 }
 
 

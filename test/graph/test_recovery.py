@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import pytest
 from graph import Graph
 from processes import children, kill_orchestrator, wait_for_no_children
 from reference import run_digest, search_digest
@@ -15,18 +16,19 @@ LONG: dict[str, Any] = {"evaluations": 80, "n_crit": 100}
 KINDS = ("evaluator_0", "critic_trainer", "variation", "archive_manager")
 
 
+@pytest.mark.parametrize("system", [{}, {"algorithm": "td3", "n_evo": 50}], ids=["pga", "td3"])
 def test_a_killed_orchestrator_leaves_no_orphan_and_the_same_command_resumes(
-    graph: Graph, tmp_path: Path
+    graph: Graph, tmp_path: Path, system: dict[str, Any]
 ) -> None:
-    run_dir = tmp_path / "run"
-    run = graph.run(run_dir, **LONG)
+    run_dir, parameters = tmp_path / "run", {**LONG, **system}
+    run = graph.run(run_dir, **parameters)
     run.wait_for_output("generation 4/")
     assert set(children(run_dir)) == set(KINDS)
     kill_orchestrator(run)
     wait_for_no_children(run_dir)
-    again = graph.run(run_dir, **LONG)
+    again = graph.run(run_dir, **parameters)
     assert again.wait() == 0, again.output
-    assert run_digest(run_dir) == search_digest(**LONG)
+    assert run_digest(run_dir) == search_digest(**parameters)
 
 
 def test_a_raised_budget_continues_a_finished_run(graph: Graph, tmp_path: Path) -> None:
