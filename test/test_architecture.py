@@ -111,7 +111,7 @@ def test_documented_functions_are_there(where):
     assert callable(found)
 
 
-@pytest.mark.parametrize("document", ["algorithm.md", "tasks.md"])
+@pytest.mark.parametrize("document", ["algorithm.md", "algorithms.md", "tasks.md"])
 def test_links_of_the_docs_lead_somewhere(document):
     targets = re.findall(r"\]\(([^)#]+)\)", (ROOT / "docs" / document).read_text())
     assert targets

@@ -1,4 +1,4 @@
-"""Exploration noise: a controller that acts as an actor does while it learns (Alg. 2 line 9, Nilsson & Cully 2021)."""
+"""Exploration noise: a controller that acts as an actor does while it learns (Alg. 2 line 7, Nilsson & Cully 2021)."""
 
 from __future__ import annotations
 

@@ -51,7 +51,7 @@ class LearningSettings(RunSettings):
     )
     n_crit: int = setting(
         300,
-        "Critic training steps per generation.",
+        "Critic training steps per generation; td3 takes one per control step of the last generation instead.",
         low=1,
         high=1_000_000,
         unit="steps",

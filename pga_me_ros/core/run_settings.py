@@ -44,7 +44,7 @@ class RunSettings:
     )
     batch_size: int = setting(
         100,
-        "Controllers evaluated per generation; at its default, td3 takes 10.",
+        "Controllers evaluated per generation; td3 reads this default as its own, 10.",
         low=1,
         high=100_000,
         unit="controllers",

@@ -52,3 +52,21 @@ def test_metrics_are_those_counted_by_hand(
     two_generations: list[Metrics], name: str, first: object, second: object
 ) -> None:
     assert [getattr(metrics, name) for metrics in two_generations] == [first, second]
+
+
+def test_a_solution_that_is_not_offered_counts_as_an_evaluation_alone() -> None:
+    archive = GridArchive((10,), [0.0], [1.0], 1)
+    batch = Solutions.of(
+        fitness=[1, 9, 2, 9],
+        descriptors=np.array([[0.05], [0.05], [0.15], [0.95]]),
+        parameters=np.zeros((4, 1)),
+        evaluations=range(4),
+        operators=[Operator.GREEDY, Operator.GA, Operator.GREEDY, Operator.GA],
+        steps=[10, 20, 30, 40],
+    )
+    added = archive.add(batch, batch.operators != Operator.GA)
+    metrics = generation_metrics(archive, batch, added, 0, None)
+    assert [e.evaluation for e in archive.elites()] == [0, 2]
+    assert (metrics.evaluations, metrics.steps, metrics.qd_score) == (4, 100, 3.0)
+    counts = (metrics.offspring, metrics.new_elites, metrics.improved_elites)
+    assert [(c[Operator.GA], c[Operator.GREEDY]) for c in counts] == [(2, 2), (0, 2), (0, 0)]

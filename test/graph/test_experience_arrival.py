@@ -170,8 +170,9 @@ def test_a_trainer_that_joins_late_gets_what_it_missed(
     assert run_digest(run_dir) == search_digest(**parameters)
 
 
+@pytest.mark.parametrize("system", [{}, {"algorithm": "td3", "n_evo": 50}], ids=["pga", "td3"])
 def test_episodes_that_a_bad_link_loses_are_fetched_again_and_doubles_dropped(
-    graph: Graph, probe: Probe, tmp_path: Path
+    graph: Graph, probe: Probe, tmp_path: Path, system: dict[str, object]
 ) -> None:
     heard = probe.listen(Progress, names.PROGRESS, qos.LATCHED)
     out = probe.node.create_publisher(Transitions, names.TRANSITIONS, qos.EXPERIENCE_WRITER)
@@ -189,7 +190,7 @@ def test_episodes_that_a_bad_link_loses_are_fetched_again_and_doubles_dropped(
     graph.start("evaluator", {"task": "qd_walker"}, *remapped)
     signs = probe.listen(NodeStatus, names.STATUS, qos.STATUS)
     wait_until(lambda: any(s.node == "/far" for s in signs), "the evaluator behind the bad link")
-    run_dir, parameters = tmp_path / "run", {"evaluations": 50}
+    run_dir, parameters = tmp_path / "run", {"evaluations": 50, **system}
     run = graph.run(run_dir, **parameters)
     assert run.wait() == 0, run.output
     assert lost

@@ -67,6 +67,14 @@ def test_a_value_given_after_a_shipped_file_counts(make_node: MakeNode, task: st
     assert (settings.task, settings.n_evo) == (task, 7)
 
 
+def test_the_name_of_a_system_is_enough_and_its_own_defaults_are_shown(make_node: MakeNode) -> None:
+    file = ["--params-file", str(ROOT / "config" / "qd_walker.yaml")]
+    node = make_node("--ros-args", *file, "-p", "algorithm:=td3")
+    settings, _ = declare_run(node, RunOptions)
+    assert settings == Settings(algorithm="td3", task="qd_walker")
+    assert node.get_parameter("batch_size").value == settings.batch_size == 10
+
+
 @pytest.mark.parametrize(
     ("given", "name", "value"),
     [

@@ -39,7 +39,7 @@ class Td3(System):
             )
 
     def offspring(self, settings: Settings, generation: int) -> list[Slots]:
-        """Alg. 2 line 9: the actor, in every place."""
+        """Alg. 2 line 7: the actor, in every place."""
         return [Slots(Operator.GREEDY, 0, settings.batch_size)]
 
     def uses_critics(self, settings: Settings) -> bool:
@@ -47,7 +47,7 @@ class Td3(System):
         return True
 
     def exploration_sigma(self, settings: Settings, generation: int) -> float:
-        """Alg. 2 line 9; the random controllers at the start explore by themselves."""
+        """Alg. 2 line 7; the random controllers at the start explore by themselves."""
         return settings.exploration_sigma if generation >= settings.init_generations else 0.0
 
     def make_learner(self, spec: TaskSpec, settings: Settings, workers: int = 1) -> Learner:
