@@ -29,6 +29,7 @@ VARIANTS: dict[str, dict[str, Any]] = {
     },
     "MAP-Elites": {"n_evo": 10},
     "TD3": {"algorithm": "td3", "n_evo": 50},
+    "QD-RL": {"algorithm": "qd_rl", "n_evo": 50},
 }
 
 

@@ -16,7 +16,11 @@ LONG: dict[str, Any] = {"evaluations": 80, "n_crit": 100}
 KINDS = ("evaluator_0", "critic_trainer", "variation", "archive_manager")
 
 
-@pytest.mark.parametrize("system", [{}, {"algorithm": "td3", "n_evo": 50}], ids=["pga", "td3"])
+@pytest.mark.parametrize(
+    "system",
+    [{}, {"algorithm": "td3", "n_evo": 50}, {"algorithm": "qd_rl", "n_evo": 50}],
+    ids=["pga", "td3", "qd_rl"],
+)
 def test_a_killed_orchestrator_leaves_no_orphan_and_the_same_command_resumes(
     graph: Graph, tmp_path: Path, system: dict[str, Any]
 ) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from typing import Any
 
@@ -94,9 +95,13 @@ def test_a_malformed_episode_is_refused(changes: dict[str, Any], words: str) -> 
         convert.episode_from_msg(transitions(**changes), SPEC)
 
 
-def test_a_snapshot_comes_back_bit_for_bit() -> None:
-    back = convert.snapshot_from_msg(convert.snapshot_to_msg(SNAPSHOT, "r"))
-    assert_same_fields(back, SNAPSHOT)
+DIVERSE = dataclasses.replace(SNAPSHOT, diversity_critic=random_parameters(CRITIC, RNG))
+
+
+@pytest.mark.parametrize("snapshot", [SNAPSHOT, DIVERSE], ids=["one critic", "two critics"])
+def test_a_snapshot_comes_back_bit_for_bit(snapshot: Snapshot) -> None:
+    back = convert.snapshot_from_msg(convert.snapshot_to_msg(snapshot, "r"))
+    assert_same_fields(back, snapshot)
 
 
 @pytest.mark.parametrize(
@@ -105,6 +110,7 @@ def test_a_snapshot_comes_back_bit_for_bit() -> None:
         ("n_grad", 4, RequestError, "'states' has 360 entries"),
         ("batch_size", -4, RequestError, "'states' has 360 entries"),
         ("critic_sizes", [18, 6, 1], NetworkError, r"layers \[18, 6, 1\] take \(121,\)"),
+        ("diversity_critic", convert.flat([0.5] * 3, "f"), NetworkError, r"take \(\d+,\)"),
         ("greedy", convert.flat([math.nan] * 98, "f"), NetworkError, "Parameter 0 is nan"),
     ],
 )
