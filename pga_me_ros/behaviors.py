@@ -104,7 +104,8 @@ class ListedBehavior:
         fitness: Sum of rewards in its one evaluation.
         evaluation: Id of that evaluation within the run.
         generation: Generation that it was made in.
-        made_by: What made it: ``random``, ``ga``, ``pg``, ``greedy``, or ``imported`` from another repertoire.
+        made_by: What made it: ``random``, ``ga``, ``pg``, ``greedy``, ``imported`` from another repertoire, or
+            ``quality`` or ``diversity`` gradients of algorithm qd_rl.
         parents: Evaluation ids of its parents, at most two.
         steps: Length of that evaluation, control steps.
         terminated: Whether it ended by a fall.

@@ -24,7 +24,7 @@ from pga_me_ros.core.policy import (
     random_critic,
     random_parameters,
 )
-from pga_me_ros.core.replay import ReplayBuffer
+from pga_me_ros.core.replay import TransitionSource
 from pga_me_ros.core.rng import Purpose, generator
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.core.torch_nets import FlatAdam, MlpStack, choose_device, torch_threads
@@ -40,21 +40,31 @@ class CriticTrainer:
         settings: Settings of the run; of them, those that are no rates hold for good.
         workers: Threads; with more than one, a CPU computes the second critic at the same time as the first. The
             results do not depend on it.
+        purpose: What the draws of its training are for.
+        first_draw: Index of its first draw for `Purpose.CRITIC_INIT`; it takes three.
 
     Raises:
         SettingsError: The device cannot be used here.
     """
 
-    def __init__(self, spec: RobotDimensions, settings: Settings, workers: int = 1) -> None:
+    def __init__(
+        self,
+        spec: RobotDimensions,
+        settings: Settings,
+        workers: int = 1,
+        purpose: Purpose = Purpose.CRITIC_TRAINING,
+        first_draw: int = 0,
+    ) -> None:
         """Draw the networks and copy them into their targets (Alg. 3, lines 3-5)."""
         self.settings = settings
+        self._purpose = purpose
         self.obs_dim, self.act_dim = spec.observation_dim, spec.action_dim
         self.critic_shape = critic_shape(spec, settings)
         self.greedy_shape = controller_shape(spec, settings)
         self.device = choose_device(settings.device)
 
         def draw(index: int) -> np.random.Generator:
-            return generator(settings.seed, Purpose.CRITIC_INIT, 0, index)
+            return generator(settings.seed, Purpose.CRITIC_INIT, 0, first_draw + index)
 
         critics = np.stack([random_critic(self.critic_shape, draw(i)) for i in range(2)])
         greedy = random_parameters(self.greedy_shape, draw(2))[None]
@@ -73,7 +83,11 @@ class CriticTrainer:
         self._action_gradient = self._zeros(1, rows, self.act_dim)
 
     def train(
-        self, replay: ReplayBuffer, settings: Settings, generation: int, steps: range | None = None
+        self,
+        replay: TransitionSource,
+        settings: Settings,
+        generation: int,
+        steps: range | None = None,
     ) -> dict[str, float]:
         """Train for n_crit steps: Alg. 4.
 
@@ -93,7 +107,7 @@ class CriticTrainer:
             PgaError: The replay buffer is empty.
             NetworkError: The networks are no longer finite.
         """
-        rng = generator(self.settings.seed, Purpose.CRITIC_TRAINING, generation)
+        rng = generator(self.settings.seed, self._purpose, generation)
         steps = range(1, settings.n_crit + 1) if steps is None else steps
         loss, value = self._zeros(), self._zeros()
         objective = self._zeros()
@@ -119,7 +133,7 @@ class CriticTrainer:
             )
         return stats
 
-    def _sample(self, replay: ReplayBuffer, rng: np.random.Generator) -> Tensor:
+    def _sample(self, replay: TransitionSource, rng: np.random.Generator) -> Tensor:
         """Draw N transitions (Alg. 4, line 3): rows [s, a, s', r, not_done]."""
         replay.rows(replay.sample_indices(rng, len(self._batch)), out=self._batch)
         return torch.from_numpy(self._batch).to(self.device)

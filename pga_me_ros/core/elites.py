@@ -25,6 +25,8 @@ class Operator(IntEnum):
     GREEDY = 3
     IMPORTED = 4
     ES_SAMPLE = 5
+    QUALITY = 6
+    DIVERSITY = 7
 
 
 class Status(IntEnum):

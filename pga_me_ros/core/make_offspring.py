@@ -68,17 +68,27 @@ def _ga(w: Wanted) -> Float32Array:
 
 def _pg(w: Wanted) -> Float32Array:
     assert w.snapshot is not None
-    if w.snapshot.critic_shape is None:
+    return _climb(w, w.snapshot, w.snapshot.critic)
+
+
+def _diversity(w: Wanted) -> Float32Array:
+    assert w.snapshot is not None
+    assert w.snapshot.diversity_critic is not None
+    return _climb(w, w.snapshot, w.snapshot.diversity_critic)
+
+
+def _climb(w: Wanted, snapshot: Snapshot, critic: Float32Array) -> Float32Array:
+    if snapshot.critic_shape is None:
         raise RequestError(
             f"PG offspring are asked for, but {w.settings.algorithm} learns no critics."
         )
     return pg_variation(
         w.parents[:, 0],
-        w.snapshot.critic,
-        pg_states(w.snapshot, w.first, w.count),
+        critic,
+        pg_states(snapshot, w.first, w.count),
         w.settings.pg_learning_rate,
         w.shape,
-        w.snapshot.critic_shape,
+        snapshot.critic_shape,
         threads=w.settings.torch_threads,
         device=w.settings.device,
         workers=w.workers,
@@ -103,10 +113,15 @@ MAKERS: dict[Operator, Callable[[Wanted], Float32Array]] = {
     Operator.GA: _ga,
     Operator.PG: _pg,
     Operator.ES_SAMPLE: _es_sample,
+    Operator.QUALITY: _pg,
+    Operator.DIVERSITY: _diversity,
 }
 """What makes the offspring of each operator; the greedy controller and imported ones are not made but there."""
+
+OF_CRITICS = frozenset({Operator.PG, Operator.QUALITY, Operator.DIVERSITY})
+"""Operators that climb a critic."""
 
 
 def needs_snapshot(operator: Operator, generation: int) -> bool:
     """Whether an operator's offspring depend on what was learned for their generation."""
-    return operator == Operator.PG or (operator == Operator.ES_SAMPLE and generation > 0)
+    return operator in OF_CRITICS or (operator == Operator.ES_SAMPLE and generation > 0)

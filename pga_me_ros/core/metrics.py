@@ -106,5 +106,5 @@ def _best_evaluation(archive: Archive, before: Metrics | None) -> int:
 
 
 def _per_operator(batch: Solutions, chosen: np.ndarray) -> tuple[int, ...]:
-    counts = np.bincount(batch.operators[chosen], minlength=len(Operator))
-    return tuple(counts.tolist())
+    counts = np.bincount(batch.operators[chosen], minlength=max(Operator) + 1)
+    return tuple(counts[list(Operator)].tolist())

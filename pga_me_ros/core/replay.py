@@ -2,13 +2,24 @@
 
 from __future__ import annotations
 
+from typing import Protocol
+
 import numpy as np
-from numpy.typing import NDArray
 
 from pga_me_ros.core.errors import PgaError
+from pga_me_ros.core.ring import Indices, Ring, Rows
 
-Rows = NDArray[np.float32]
-Indices = NDArray[np.int64]
+
+class TransitionSource(Protocol):
+    """What critics train on: rows [state, action, next state, reward, not_done], drawn by index."""
+
+    def sample_indices(self, rng: np.random.Generator, n: int) -> Indices:
+        """Draw n transitions, see `ReplayBuffer.sample_indices`."""
+        ...
+
+    def rows(self, indices: Indices, out: Rows | None = None) -> Rows:
+        """Return the rows of some transitions, see `ReplayBuffer.rows`."""
+        ...
 
 
 class ReplayBuffer:
@@ -33,18 +44,16 @@ class ReplayBuffer:
         self.act_dim = act_dim
         self.width = 2 * obs_dim + act_dim + 2
         try:
-            self._ring = np.empty((capacity, self.width), np.float32)
+            self._ring = Ring(capacity, self.width)
         except MemoryError as error:
             raise PgaError(
                 f"replay_size={capacity} transitions take {4e-9 * capacity * self.width:.1f} GB, "
                 "more than this machine gives; make replay_size smaller."
             ) from error
-        self._size = 0
-        self._oldest = 0
 
     def __len__(self) -> int:
         """Return the number of transitions held."""
-        return self._size
+        return len(self._ring)
 
     def add_episode(
         self,
@@ -87,17 +96,7 @@ class ReplayBuffer:
         rows[:, -1] = 1.0
         if terminated and steps and (max_steps is None or steps < max_steps):
             rows[-1, -1] = 0.0
-        self._append(rows)
-
-    def _append(self, rows: Rows) -> None:
-        rows = rows[-self.capacity :]
-        start = (self._oldest + self._size) % self.capacity
-        before_wrap = min(len(rows), self.capacity - start)
-        self._ring[start : start + before_wrap] = rows[:before_wrap]
-        self._ring[: len(rows) - before_wrap] = rows[before_wrap:]
-        overwritten = max(0, self._size + len(rows) - self.capacity)
-        self._oldest = (self._oldest + overwritten) % self.capacity
-        self._size += len(rows) - overwritten
+        self._ring.append(rows)
 
     def sample_indices(self, rng: np.random.Generator, n: int) -> Indices:
         """Draw n transitions uniformly with replacement.
@@ -108,9 +107,9 @@ class ReplayBuffer:
         Raises:
             PgaError: The buffer is empty.
         """
-        if not self._size:
+        if not len(self):
             raise PgaError("The replay buffer is empty; add episodes before drawing from it.")
-        return rng.integers(0, self._size, n)
+        return rng.integers(0, len(self), n)
 
     def rows(self, indices: Indices, out: Rows | None = None) -> Rows:
         """Return the rows of some transitions.
@@ -122,9 +121,7 @@ class ReplayBuffer:
         Returns:
             (n, width) float32, a copy.
         """
-        # Indices count from the oldest row, wherever it lies in the ring: a buffer that was saved
-        # and read back gives the same batches although its ring starts elsewhere.
-        return np.take(self._ring, indices + self._oldest, axis=0, out=out, mode="wrap")
+        return self._ring.take(indices, out)
 
     def state_batches(self, rng: np.random.Generator, n_batches: int, n: int) -> Rows:
         """Draw batches of states, as PG variation takes them (Alg. 5).

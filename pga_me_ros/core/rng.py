@@ -26,6 +26,8 @@ class Purpose(IntEnum):
     EXPLORATION = 10
     ES_NOISE = 11
     ES_SELECTION = 12
+    QDRL_SELECTION = 13
+    DIVERSITY_TRAINING = 14
 
 
 def generator(

@@ -19,6 +19,7 @@ from pga_me_ros.core.settings import RATES, Settings
 from pga_me_ros.core.start_from import Controllers, starting_with, take_controllers
 from pga_me_ros.core.storage import Repertoire
 from pga_me_ros.core.stored_state import require_sound_state
+from pga_me_ros.core.systems import system_of
 from pga_me_ros.tasks.spec import TaskSpec
 
 REPERTOIRE = "repertoire.db"
@@ -80,8 +81,10 @@ def open_run(path: Path, spec: TaskSpec, settings: Settings) -> RunDirectory:
         settings: Settings as given now.
 
     Raises:
+        TaskError: The task lacks what the system of section 4.2 needs.
         StorageError: The folder cannot be written, is in use, or holds another or a damaged run.
     """
+    system_of(settings).check_task(spec)
     for folder in (path, *(path / name for name in FOLDERS)):
         make_folder(folder)
     lock = FileLock(path / LOCK, wait=LEAVE_WAIT, orphans=ORPHAN_WAIT)

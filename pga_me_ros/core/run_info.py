@@ -11,6 +11,7 @@ from typing import Any
 
 from pga_me_ros.core.errors import StorageError
 from pga_me_ros.core.settings import Settings, identity_difference
+from pga_me_ros.tasks.spec import OPTIONAL_FIELDS
 
 SCHEMA_VERSION = 1
 """Version of the repertoire file's layout."""
@@ -76,8 +77,7 @@ class RunInfo:
         ours = json.loads(json.dumps(self.task))
         theirs = json.loads(json.dumps(dict(task)))
         if ours.get("name") == theirs.get("name"):
-            names = sorted(ours.keys() | theirs.keys())
-            changed = [name for name in names if ours.get(name) != theirs.get(name)]
+            changed = changed_fields(ours, theirs)
             found += [f"{name} of the task's spec has changed" for name in changed]
         elif not any(difference.startswith("task:") for difference in found):
             found.append(f"task name: {ours.get('name')} != {theirs.get('name')}")
@@ -106,6 +106,19 @@ def library_versions() -> dict[str, str]:
         except PackageNotFoundError:
             found[name] = "none"
     return found
+
+
+def changed_fields(stored: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
+    """Name the fields in which a task's spec is not what a run was made with.
+
+    Args:
+        stored: `TaskSpec.to_json()` of the run, as JSON gives it back. What it lacks because its version did not know
+            of it yet is no change.
+        now: That of the task as it is now, in the same form.
+    """
+    added = OPTIONAL_FIELDS - stored.keys()
+    names = sorted((stored.keys() | now.keys()) - added)
+    return [name for name in names if stored.get(name) != now.get(name)]
 
 
 def _tuples(settings: Mapping[str, Any]) -> dict[str, Any]:

@@ -29,6 +29,8 @@ class Snapshot:
         critic_loss: Mean over the steps of both critics' mean squared errors.
         mean_q: Mean over the steps of the values that the first critic gave their batches.
         center: (P,) float32 controller that the samples of an evolution strategy surround; None where there is none.
+        diversity_critic: (P_critic,) float32 parameters of the first diversity critic, with the layers of `critic`;
+            None unless the system is `qd_rl`.
     """
 
     generation: int
@@ -42,3 +44,4 @@ class Snapshot:
     critic_loss: float
     mean_q: float
     center: NDArray[np.float32] | None = None
+    diversity_critic: NDArray[np.float32] | None = None

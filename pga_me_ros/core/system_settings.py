@@ -64,3 +64,25 @@ class SystemSettings(DepartureSettings):
         "the most novel (explore), or 'plain', half from the fittest and half from any.",
         choices=("biased", "plain"),
     )
+    novelty_neighbors: int = setting(
+        5,
+        "qd_rl: nearest neighbours whose mean distance is the novelty of an elite, and of a state.",
+        low=1,
+        high=10_000,
+        unit="neighbours",
+        symbol="k",
+    )
+    state_archive_size: int = setting(
+        10_000,
+        "qd_rl: state descriptors that the novelty of a state is measured against, first in first out.",
+        low=1,
+        high=1_000_000,
+        unit="descriptors",
+    )
+    state_spacing: float = setting(
+        0.1,
+        "qd_rl: distance, in shares of the descriptor's range, that a state descriptor must be away from all in that "
+        "archive to enter it; 0 lets all enter.",
+        low=0.0,
+        high=1.0,
+    )

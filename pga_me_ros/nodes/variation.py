@@ -40,6 +40,8 @@ class Variation(GraphNode):
         self._run_id = require_run(options, "variation")
         self._spec = task_spec(self._settings.task)
         self._shape = controller_shape(self._spec, self._settings)
+        own = system_of(self._settings).parents
+        self._operators = [o for o in MAKERS if o in own or o is Operator.RANDOM]
         self._snapshots: dict[int, Snapshot] = {}
         self._answered: tuple[Propose.Request, array.array[float]] | None = None
         self.create_subscription(CriticSnapshot, names.SNAPSHOT, self._take_snapshot, qos.LATCHED)
@@ -88,6 +90,12 @@ class Variation(GraphNode):
         for (what, ours), theirs in zip(expected.items(), found, strict=True):
             if theirs != ours:
                 raise RequestError(f"{what} are {theirs}, the run's are {ours}.")
+        has, needs = snapshot.diversity_critic is not None, Operator.DIVERSITY in self._operators
+        if has != needs:
+            does = ("has none", "needs one")[needs]
+            raise RequestError(
+                f"it has {('no', 'a')[has]} diversity critic; algorithm '{s.algorithm}' {does}."
+            )
         if snapshot.generation < 0 or (critics and not snapshot.states.size):
             raise RequestError("its generation is negative, or it holds no states.")
 
@@ -118,8 +126,8 @@ class Variation(GraphNode):
         self.count_done(request.count)
 
     def _operator(self, request: Propose.Request) -> Operator:
-        if request.operator_id not in MAKERS:
-            known = ", ".join(f"{operator:d}" for operator in MAKERS)
+        if request.operator_id not in self._operators:
+            known = ", ".join(f"{operator:d}" for operator in self._operators)
             raise RequestError(
                 f"Operator {request.operator_id} is unknown; expected one of {known}."
             )

@@ -21,7 +21,7 @@ from pga_me_ros.core.policy import MlpShape
 from pga_me_ros.core.program import run_program
 from pga_me_ros.core.reevaluations import FILE, Reevaluations, Statistics
 from pga_me_ros.core.run_directory import REPERTOIRE
-from pga_me_ros.core.run_info import RunInfo, library_versions
+from pga_me_ros.core.run_info import RunInfo, changed_fields, library_versions
 from pga_me_ros.core.storage import Repertoire
 from pga_me_ros.reevaluate.workers import Job, Outcome, evaluated
 from pga_me_ros.tasks.registry import task_spec
@@ -135,7 +135,7 @@ def summary(archive: Archive, known: Statistics) -> str:
 def _require_same_task(info: RunInfo) -> None:
     """Make sure that what is simulated is what the elites were found in."""
     own, now = info.task, task_spec(info.settings["task"]).to_json()
-    changed = sorted(name for name in own.keys() | now.keys() if own.get(name) != now.get(name))
+    changed = changed_fields(own, now)
     if changed:
         raise StorageError(
             f"The task '{info.settings['task']}' is not what it was when the run was made: its spec differs in "

@@ -18,6 +18,8 @@ LOOKS = {
     Operator.GA: ("GA", "#e69f00", "^"),
     Operator.PG: ("PG", "#0072b2", "o"),
     Operator.GREEDY: ("greedy controller", "#000000", "*"),
+    Operator.QUALITY: ("quality", "#56b4e9", "<"),
+    Operator.DIVERSITY: ("diversity", "#009e73", "v"),
     Operator.IMPORTED: ("imported", "#cc79a7", "s"),
     Operator.ES_SAMPLE: ("ES sample", "#56b4e9", "v"),
 }

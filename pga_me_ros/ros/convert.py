@@ -159,6 +159,8 @@ def snapshot_to_msg(snapshot: Snapshot, run_id: str) -> CriticSnapshot:
     if snapshot.critic_shape:
         msg.critic_sizes = flat(snapshot.critic_shape.sizes, "q")
     msg.critic = flat(snapshot.critic, "f")
+    if snapshot.diversity_critic is not None:
+        msg.diversity_critic = flat(snapshot.diversity_critic, "f")
     msg.greedy_sizes = flat(snapshot.greedy_shape.sizes, "q")
     msg.greedy = flat(snapshot.greedy, "f")
     msg.n_batches, msg.n_grad, msg.batch_size, msg.observation_dim = snapshot.states.shape
@@ -194,10 +196,15 @@ def snapshot_from_msg(msg: CriticSnapshot) -> Snapshot:
         critic_loss=msg.critic_loss,
         mean_q=msg.mean_q,
         center=np.array(msg.center, np.float32) if len(msg.center) else None,
+        diversity_critic=np.array(msg.diversity_critic, np.float32)
+        if len(msg.diversity_critic)
+        else None,
     )
     if critic_shape:
         critic_shape.check(snapshot.critic)
-    elif snapshot.critic.size:
+        if snapshot.diversity_critic is not None:
+            critic_shape.check(snapshot.diversity_critic)
+    elif snapshot.critic.size or snapshot.diversity_critic is not None:
         raise RequestError("Field 'critic' has entries, but 'critic_sizes' has none.")
     greedy_shape.check(snapshot.greedy)
     if snapshot.center is not None:

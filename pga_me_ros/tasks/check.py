@@ -127,6 +127,7 @@ def _check_episodes(task: Any, task_class: type[Any]) -> list[str]:
             return [finding]
         runs[name] = episode
     findings = _check_descriptor(task.spec, runs["other"].descriptor)
+    findings += _check_step_descriptor(task.spec, runs["other"])
     if not _equal(runs["first"], runs["again"]):
         findings.append(
             "equal generators and actions gave different episodes after others had run; let reset "
@@ -147,6 +148,28 @@ def _check_episodes(task: Any, task_class: type[Any]) -> list[str]:
     finally:
         findings += _check_close(fresh)
     return findings
+
+
+def _check_step_descriptor(spec: TaskSpec, episode: Episode) -> list[str]:
+    """Check that the descriptor is the mean of the observation entries that the spec says it is the mean of."""
+    columns = [spec.observation_names.index(name) for name in spec.step_descriptor_names]
+    if not columns:
+        return []
+    shown = episode.states[1 + spec.step_descriptor_delay :, columns].astype(np.float64)
+    total = episode.length * episode.descriptor
+    # The last step's share is not shown where observations are late; it has to be one that a step can have.
+    low, high = (
+        shown.sum(axis=0) + spec.step_descriptor_delay * np.array(bound)
+        for bound in (spec.descriptor_low, spec.descriptor_high)
+    )
+    rounding = 1e-6 * episode.length * (np.abs(low) + np.abs(high) + 1.0)
+    if ((low - rounding <= total) & (total <= high + rounding)).all():
+        return []
+    return [
+        f"descriptor() is {episode.descriptor} after {episode.length} steps, but not the mean of the observation "
+        f"entries {list(spec.step_descriptor_names)}; correct step_descriptor_names in the spec, or set "
+        "step_descriptor_delay to 1 if an observation shows them one step late"
+    ]
 
 
 def _episode(task: Any, seed: int) -> Episode:

@@ -90,6 +90,8 @@ def build_spec(name: str, robot: Robot, cells: int, bins: tuple[int, ...]) -> Ta
         control_period=CONTROL_PERIOD,
         archive_cells=cells,
         archive_bins=bins,
+        step_descriptor_names=tuple(f"{foot}/contact" for foot in robot.feet),
+        step_descriptor_delay=1,  # see _CONTACT_UNIT
     )
 
 

@@ -34,6 +34,10 @@ class TaskSpec:
         control_period: Time between two actions, s.
         archive_cells: Default number of cells of a CVT archive.
         archive_bins: Default number of bins per descriptor dimension of a grid archive.
+        step_descriptor_names: One observation entry per descriptor dimension, whose mean over an episode's steps is its
+            descriptor; empty if the descriptor is of another kind. System `qd_rl` needs them.
+        step_descriptor_delay: 0 if the observation that a step returns shows what the step adds to these means, 1 if
+            that of the step after it does.
 
     Raises:
         TaskError: A field has the wrong type or length, or low is not below high.
@@ -53,6 +57,8 @@ class TaskSpec:
     control_period: float
     archive_cells: int
     archive_bins: tuple[int, ...]
+    step_descriptor_names: tuple[str, ...] = ()
+    step_descriptor_delay: int = 0
 
     def __post_init__(self) -> None:
         """Check every field, so that a spec that exists is a valid one."""
@@ -68,6 +74,7 @@ class TaskSpec:
         for kind in ("action", "descriptor"):
             self._check_bounds(kind)
         self._check_sizes()
+        self._check_step_descriptor()
 
     @property
     def observation_dim(self) -> int:
@@ -97,7 +104,8 @@ class TaskSpec:
         """Return the spec that `to_json` described.
 
         Args:
-            fields: One entry per field of the dataclass, sequences as lists.
+            fields: One entry per field of the dataclass, sequences as lists; those that have defaults may be missing,
+                as in what an older version wrote.
 
         Raises:
             TaskError: A field is missing, unknown or invalid.
@@ -108,7 +116,7 @@ class TaskSpec:
         for name in fields:
             if name not in known:
                 raise TaskError(f"unknown task spec field '{name}'{nearest_name(str(name), known)}")
-        missing = [name for name in known if name not in fields]
+        missing = [name for name in known if name not in OPTIONAL_FIELDS and name not in fields]
         if missing:
             raise TaskError(f"task spec lacks the fields {missing}; write it with TaskSpec.to_json")
         values: dict[str, Any] = {
@@ -154,3 +162,21 @@ class TaskSpec:
         period = self.control_period
         if type(period) is not float or not (math.isfinite(period) and period > 0.0):
             raise TaskError(f"TaskSpec.control_period is {period!r}; expected a float above 0 (s)")
+
+    def _check_step_descriptor(self) -> None:
+        names, delay = self.step_descriptor_names, self.step_descriptor_delay
+        self._check_tuple("step_descriptor_names", str, self.descriptor_dim if names else 0)
+        for name in names:
+            if name not in self.observation_names:
+                raise TaskError(
+                    f"TaskSpec.step_descriptor_names has '{name}', which is no entry of the observation"
+                    f"{nearest_name(name, self.observation_names)}"
+                )
+        if type(delay) is not int or delay not in (0, 1):
+            raise TaskError(f"TaskSpec.step_descriptor_delay is {delay!r}; expected 0 or 1")
+
+
+OPTIONAL_FIELDS = frozenset(
+    field.name for field in dataclasses.fields(TaskSpec) if field.default is not dataclasses.MISSING
+)
+"""Fields that a task may leave out, and that specs which an older version wrote lack."""

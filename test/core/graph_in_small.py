@@ -37,22 +37,27 @@ class GraphInSmall:
         settings: Settings of the run.
         folder: Folder of the run.
         rates: Settings from each of these generations on.
+        task: Class of the task.
     """
 
     def __init__(
-        self, settings: Settings, folder: Path, rates: Mapping[int, Settings] | None = None
+        self,
+        settings: Settings,
+        folder: Path,
+        rates: Mapping[int, Settings] | None = None,
+        task: type[Lane] = Lane,
     ) -> None:
         self._settings, self._folder = settings, folder
         self._rates = {0: settings, **(rates or {})}
         self._system = system_of(settings)
-        self._shape = controller_shape(Lane.spec, settings)
-        self._task = Lane()
-        self.archive: Archive = make_archive(Lane.spec, settings)
+        self._shape = controller_shape(task.spec, settings)
+        self._task = task()
+        self.archive: Archive = make_archive(task.spec, settings)
         self.restart_learner()
 
     def restart_learner(self) -> None:
         """Lose everything that is only in the learner's memory."""
-        self.learner = DurableLearner(Lane.spec, self._settings, self._folder)
+        self.learner = DurableLearner(self._task.spec, self._settings, self._folder)
 
     def grow(
         self,

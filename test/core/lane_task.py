@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Any, ClassVar
 
 import numpy as np
@@ -82,9 +83,44 @@ class Lane:
         return np.array((self._aside, self._drift), np.float32)
 
 
-def grown(settings: Settings = SETTINGS, generations: int | None = None) -> Search:
+class SteeredLane(Lane):
+    """A lane without sides; the descriptor is how it steers on average, as each observation tells of its step."""
+
+    spec: ClassVar[TaskSpec] = dataclasses.replace(
+        Lane.spec,
+        name="steered_lane",
+        observation_names=("aside", "drift", "steering"),
+        observation_units=("m", "m", "0 left to 1 right"),
+        descriptor_names=("mean_steering",),
+        archive_cells=8,
+        archive_bins=(8,),
+        step_descriptor_names=("steering",),
+    )
+
+    def __init__(self, *, render: bool = False) -> None:
+        super().__init__()
+        self._steering = [0.5]
+
+    def reset(self, rng: np.random.Generator) -> Float32Array:
+        self._steering = [0.5]  # what the first observation shows counts for nothing
+        return super().reset(rng)
+
+    def step(self, action: Float32Array) -> tuple[Float32Array, float, bool]:
+        self._steering.append((1.0 + float(action[0])) / 2.0)
+        return *super().step(action)[:2], False
+
+    def descriptor(self) -> Float64Array:
+        return np.array([np.mean(self._steering[1:] or self._steering)])
+
+    def _observation(self) -> Float32Array:
+        return np.array((self._aside, self._drift, self._steering[-1]), np.float32)
+
+
+def grown(
+    settings: Settings = SETTINGS, generations: int | None = None, task_class: type[Lane] = Lane
+) -> Search:
     """Return a search after its whole budget, or after so many generations."""
-    search, task = Search(Lane.spec, settings), Lane()
+    search, task = Search(task_class.spec, settings), task_class()
     for _ in range(settings.generations if generations is None else generations):
         search.run_generation(task)
     return search

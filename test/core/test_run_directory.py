@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
 import os
 from pathlib import Path
@@ -111,6 +112,19 @@ def test_another_run_is_refused_and_nothing_is_changed(
     with pytest.raises(StorageError, match=words):
         start(tmp_path, TINY.replace(**changes))
     assert content(tmp_path) == before
+
+
+def test_a_run_of_before_state_descriptors_goes_on(tmp_path: Path) -> None:
+    spec = task_spec(TINY.task)
+    directory = start(tmp_path)
+    with Repertoire.open(directory.repertoire, read_only=True) as repertoire:
+        info = repertoire.info
+    added = {"step_descriptor_names", "step_descriptor_delay"}
+    old = {name: value for name, value in info.task.items() if name not in added}
+    dataclasses.replace(info, task=old).require(TINY, spec.to_json())
+    changed = dataclasses.replace(spec, step_descriptor_delay=0)
+    with pytest.raises(StorageError, match="step_descriptor_delay of the task's spec has changed"):
+        info.require(TINY, changed.to_json())
 
 
 def test_a_damaged_repertoire_is_refused_and_nothing_is_changed(tmp_path: Path) -> None:

@@ -156,7 +156,7 @@ def propose_target(world: World) -> Target:
     }
     faults = [
         *ints("generation", -FAR, -(2**62)),
-        *ints("operator_id", 3, 5, 255),
+        *ints("operator_id", 3, 5, 6, 7, 255),
         *ints("first", -1, b, 2**63 - 1),
         *ints("count", 0, -1, b + 1, 2**63 - 1),
         *of_length("parents", "f", 2 * 2 * p),
@@ -256,6 +256,8 @@ def snapshot_target(world: World) -> Target:
         *not_finite("critic", "f", critic.parameter_count),
         # Sound, but in a run of a system without an evolution strategy:
         ("center", numbers("f", shape.parameter_count)),
+        # Sound, but in a run of a system without diversity:
+        ("diversity_critic", numbers("f", critic.parameter_count)),
         *of_length("greedy", "f", shape.parameter_count),
         *not_finite("greedy", "f", shape.parameter_count),
         *of_length("states", "f", states),

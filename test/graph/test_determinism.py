@@ -30,6 +30,7 @@ VARIANTS: dict[str, dict[str, Any]] = {
     "MAP-Elites": {"n_evo": 10},
     "TD3": {"algorithm": "td3", "n_evo": 50},
     "MAP-Elites-ES": {**ES, "evaluations": 55},
+    "QD-RL": {"algorithm": "qd_rl", "n_evo": 50},
 }
 
 

@@ -17,7 +17,9 @@ KINDS = ("evaluator_0", "critic_trainer", "variation", "archive_manager")
 
 
 @pytest.mark.parametrize(
-    "system", [{}, {"algorithm": "td3", "n_evo": 50}, ES], ids=["pga", "td3", "map_elites_es"]
+    "system",
+    [{}, {"algorithm": "td3", "n_evo": 50}, ES, {"algorithm": "qd_rl", "n_evo": 50}],
+    ids=["pga", "td3", "map_elites_es", "qd_rl"],
 )
 def test_a_killed_orchestrator_leaves_no_orphan_and_the_same_command_resumes(
     graph: Graph, tmp_path: Path, system: dict[str, Any]

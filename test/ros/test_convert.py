@@ -103,7 +103,12 @@ def test_a_malformed_episode_is_refused(changes: dict[str, Any], words: str) -> 
         convert.episode_from_msg(transitions(**changes), SPEC)
 
 
-@pytest.mark.parametrize("snapshot", [SNAPSHOT, ES_SNAPSHOT], ids=["critics", "evolution"])
+DIVERSE = replace(SNAPSHOT, diversity_critic=random_parameters(CRITIC, RNG))
+
+
+@pytest.mark.parametrize(
+    "snapshot", [SNAPSHOT, ES_SNAPSHOT, DIVERSE], ids=["critics", "evolution", "diversity"]
+)
 def test_a_snapshot_comes_back_bit_for_bit(snapshot: Snapshot) -> None:
     back = convert.snapshot_from_msg(convert.snapshot_to_msg(snapshot, "r"))
     assert_same_fields(back, snapshot)
@@ -115,6 +120,7 @@ def test_a_snapshot_comes_back_bit_for_bit(snapshot: Snapshot) -> None:
         ("n_grad", 4, RequestError, "'states' has 360 entries"),
         ("batch_size", -4, RequestError, "'states' has 360 entries"),
         ("critic_sizes", [18, 6, 1], NetworkError, r"layers \[18, 6, 1\] take \(121,\)"),
+        ("diversity_critic", convert.flat([0.5] * 3, "f"), NetworkError, r"take \(\d+,\)"),
         ("greedy", convert.flat([math.nan] * 98, "f"), NetworkError, "Parameter 0 is nan"),
         ("critic_sizes", [], RequestError, "'critic' has entries, but 'critic_sizes' has none"),
         ("center", convert.flat([0.0] * 97, "f"), NetworkError, r"shape \(97,\)"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Any, ClassVar
 
 import numpy as np
@@ -54,6 +55,33 @@ class Point:
 
     def close(self) -> None:
         pass
+
+
+class TellsItsSide(Point):
+    """Shows after each step whether it went right."""
+
+    spec = dataclasses.replace(SPEC, step_descriptor_names=("velocity",))
+
+    def step(self, action: Any) -> Any:
+        observation, reward, fell = super().step(action)
+        observation[1] = self.state[0] > 0
+        return observation, reward, fell
+
+
+class TellsItsSideLate(TellsItsSide):
+    """Shows after each step whether it went right in the one before."""
+
+    spec = dataclasses.replace(TellsItsSide.spec, step_descriptor_delay=1)
+
+    def step(self, action: Any) -> Any:
+        right = self.state[0] > 0 and self.steps > 0
+        observation, reward, fell = super().step(action)
+        observation[1] = right
+        return observation, reward, fell
+
+
+class TellsSomethingElse(TellsItsSide):
+    spec = dataclasses.replace(SPEC, step_descriptor_names=("position",))
 
 
 class NoSpec(Point):

@@ -18,7 +18,7 @@ def test_built_in_tasks_follow_the_protocol(name: str) -> None:
     assert check_task(load_task(name)) == []
 
 
-@pytest.mark.parametrize("name", ["Point", "Diverges"])
+@pytest.mark.parametrize("name", ["Point", "Diverges", "TellsItsSide", "TellsItsSideLate"])
 def test_sound_task_has_no_findings(name: str) -> None:
     assert check_task(getattr(broken_tasks, name)) == []
 
@@ -37,6 +37,7 @@ def test_sound_task_has_no_findings(name: str) -> None:
         ("NumpyReward", "reward is float64"),
         ("NumpyTerminated", "terminated is bool"),
         ("WideDescriptor", "the spec says 0.0 to 1.0"),
+        ("TellsSomethingElse", "not the mean of the observation entries ['position']"),
         ("RemembersPose", "after others had run"),
         ("SharedState", "in two tasks of one process"),
         ("LateNan", "left the finite numbers"),

@@ -40,6 +40,10 @@ def test_json_round_trip_gives_the_same_spec(name: str) -> None:
         ("archive_bins", (0,), "bins >= 1"),
         ("control_period", 0.0, "above 0"),
         ("control_period", 1, "expected a float"),
+        ("step_descriptor_names", ("x", "y"), "2 entries; expected 1"),
+        ("step_descriptor_names", ("z",), "no entry of the observation"),
+        ("step_descriptor_delay", 2, "expected 0 or 1"),
+        ("step_descriptor_delay", True, "expected 0 or 1"),
     ],
 )
 def test_invalid_field_is_named(field: str, value: Any, message: str) -> None:
@@ -59,6 +63,19 @@ def test_missing_field_is_named() -> None:
     del fields["control_period"]
     with pytest.raises(TaskError, match="control_period"):
         TaskSpec.from_json(fields)
+
+
+def test_a_spec_of_before_state_descriptors_can_still_be_read() -> None:
+    fields = SPEC.to_json()
+    del fields["step_descriptor_names"], fields["step_descriptor_delay"]
+    assert TaskSpec.from_json(fields) == SPEC
+
+
+@pytest.mark.parametrize("name", list(BUILT_IN))
+def test_built_in_tasks_have_a_state_descriptor_entry_per_dimension(name: str) -> None:
+    spec = task_spec(name)
+    feet = [name.partition("/")[0] for name in spec.descriptor_names]
+    assert list(spec.step_descriptor_names) == [f"{foot}/contact" for foot in feet]
 
 
 def test_something_else_than_an_object_is_refused() -> None:

@@ -8,6 +8,7 @@ from pga_me_ros.core.systems.map_elites import MapElites
 from pga_me_ros.core.systems.map_elites_es import MapElitesEs
 from pga_me_ros.core.systems.pg_only import PgOnly
 from pga_me_ros.core.systems.pga_map_elites import PgaMapElites
+from pga_me_ros.core.systems.qd_rl import QdRl
 from pga_me_ros.core.systems.system import Slots, System
 from pga_me_ros.core.systems.td3 import Td3
 
@@ -17,7 +18,8 @@ if TYPE_CHECKING:
 __all__ = ["SYSTEMS", "Slots", "System", "system_of"]
 
 SYSTEMS: dict[str, System] = {
-    system.name: system for system in (PgaMapElites(), MapElites(), PgOnly(), Td3(), MapElitesEs())
+    system.name: system
+    for system in (PgaMapElites(), MapElites(), PgOnly(), Td3(), MapElitesEs(), QdRl())
 }
 """All of them, PGA-MAP-Elites first."""
 

@@ -20,7 +20,7 @@ from pga_me_ros.core.rng import Purpose, generator
 if (
     TYPE_CHECKING
 ):  # settings ask the systems what fits; learners bring torch along, which light processes lack
-    from pga_me_ros.core.elite_table import EliteTable
+    from pga_me_ros.core.archive import Archive
     from pga_me_ros.core.learns import Learns
     from pga_me_ros.core.settings import Settings
     from pga_me_ros.tasks.rollout import Episode
@@ -85,6 +85,13 @@ class System(ABC):
                 f"batch_size is {settings.batch_size}; {self.name} needs at least 2 controllers per generation."
             )
 
+    def check_task(self, spec: TaskSpec) -> None:  # noqa: B027 - most systems take every task
+        """Make sure that a task offers what the system needs beyond what every task has.
+
+        Raises:
+            TaskError: It does not.
+        """
+
     def batch_plan(self, settings: Settings, generation: int, imported: int = 0) -> list[Slots]:
         """Return which operator fills which places of a generation's batch.
 
@@ -128,7 +135,7 @@ class System(ABC):
 
     def choose_parents(
         self,
-        archive: EliteTable,
+        archive: Archive,
         settings: Settings,
         generation: int,
         first: int,

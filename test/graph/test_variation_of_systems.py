@@ -1,0 +1,127 @@
+"""A variation node makes what its run's system makes, from the snapshots of that system, and nothing else."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+from graph import TINY, Graph, Probe, wait_until
+from pga_me_msgs.msg import CriticSnapshot
+from pga_me_msgs.srv import Propose
+
+from pga_me_ros.core.pg_variation import pg_variation
+from pga_me_ros.core.policy import controller_shape, critic_shape, random_critic, random_parameters
+from pga_me_ros.core.settings import Settings
+from pga_me_ros.core.snapshot import Snapshot
+from pga_me_ros.ros import names, qos
+from pga_me_ros.ros.convert import flat, rates_to_msg, snapshot_to_msg
+from pga_me_ros.tasks.registry import task_spec
+
+SPEC = task_spec("qd_hopper")
+NOT_SETTINGS = ("evaluators", "serve")
+VALUES = {name: value for name, value in TINY.items() if name not in NOT_SETTINGS}
+PGA = Settings.from_mapping({**VALUES, "task": SPEC.name})
+QD_RL = PGA.replace(algorithm="qd_rl", n_evo=Settings.n_evo)
+SHAPE, CRITIC = controller_shape(SPEC, PGA), critic_shape(SPEC, PGA)
+RNG = np.random.default_rng(0)
+ONE_CRITIC = Snapshot(
+    generation=1,
+    version=10,
+    critic_shape=CRITIC,
+    critic=random_critic(CRITIC, RNG),
+    greedy_shape=SHAPE,
+    greedy=random_parameters(SHAPE, RNG),
+    states=RNG.standard_normal((1, 2, 32, SPEC.observation_dim), np.float32),
+    transitions=100,
+    critic_loss=1.0,
+    mean_q=1.0,
+)
+TWO_CRITICS = dataclasses.replace(ONE_CRITIC, diversity_critic=random_critic(CRITIC, RNG))
+PARENT = random_parameters(SHAPE, RNG)
+
+
+class Variation:
+    """A variation node and who talks to it."""
+
+    def __init__(self, graph: Graph, settings: Settings) -> None:
+        self._settings = settings
+        given = {name: value for name, value in settings.to_dict().items() if value != ""}
+        self.started = graph.start("variation", {**given, "run_id": "r"})
+        self._probe = Probe(graph.domain)
+        node = self._probe.node
+        self._snapshots = node.create_publisher(CriticSnapshot, names.SNAPSHOT, qos.LATCHED)
+
+    def hear(self, snapshot: Snapshot) -> None:
+        """Publish a snapshot once the node listens."""
+        wait_until(lambda: self._snapshots.get_subscription_count() > 0, "a subscription")
+        self._snapshots.publish(snapshot_to_msg(snapshot, "r"))
+
+    def propose(self, operator: int) -> Any:
+        """Ask for one offspring of generation 1."""
+        return self._probe.call(
+            Propose,
+            names.PROPOSE,
+            run_id="r",
+            generation=1,
+            operator_id=operator,
+            first=1,
+            count=1,
+            parents=flat(PARENT, "f"),
+            rates=rates_to_msg(self._settings),
+        )
+
+    def close(self) -> None:
+        """Let go of the node; the graph stops it."""
+        self._probe.close()
+
+
+@pytest.fixture
+def variation(graph: Graph, request: pytest.FixtureRequest) -> Iterator[Variation]:
+    started = Variation(graph, request.param)
+    yield started
+    started.close()
+
+
+def climbed(critic: np.ndarray | None) -> np.ndarray:
+    assert critic is not None
+    rate = PGA.pg_learning_rate
+    return pg_variation(PARENT[None], critic, ONE_CRITIC.states[0], rate, SHAPE, CRITIC)
+
+
+@pytest.mark.parametrize("variation", [QD_RL], indirect=True)
+def test_qd_rl_climbs_the_critic_of_quality_or_that_of_diversity(variation: Variation) -> None:
+    variation.hear(ONE_CRITIC)
+    variation.started.wait_for_output("it has no diversity critic; algorithm 'qd_rl' needs one")
+    assert variation.propose(Propose.Request.DIVERSITY).again
+    variation.hear(TWO_CRITICS)
+    answer = None
+
+    def made() -> bool:
+        nonlocal answer
+        answer = variation.propose(Propose.Request.DIVERSITY)
+        return bool(answer.accepted)
+
+    wait_until(made, "offspring of diversity")
+    diversity, quality = answer, variation.propose(Propose.Request.QUALITY)
+    for got, critic in (
+        (diversity, TWO_CRITICS.diversity_critic),
+        (quality, TWO_CRITICS.critic),
+    ):
+        np.testing.assert_array_equal(got.parameters, climbed(critic)[0])
+    refused = variation.propose(Propose.Request.PG)
+    assert "Operator 2 is unknown; expected one of 0, 6, 7" in refused.message
+
+
+@pytest.mark.parametrize("variation", [PGA], indirect=True)
+def test_pga_map_elites_knows_no_diversity(variation: Variation) -> None:
+    variation.hear(TWO_CRITICS)
+    words = "it has a diversity critic; algorithm 'pga_map_elites' has none"
+    variation.started.wait_for_output(words)
+    assert variation.propose(Propose.Request.PG).again
+    for operator in (Propose.Request.QUALITY, Propose.Request.DIVERSITY):
+        refused = variation.propose(operator)
+        assert not refused.accepted
+        assert f"Operator {operator} is unknown; expected one of 0, 1, 2" in refused.message
