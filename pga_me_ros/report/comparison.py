@@ -95,7 +95,8 @@ def compare(
         RequestError: There is none, a run is there twice, or runs of different tasks have one name.
     """
     if not runs:
-        raise RequestError("There is no finished run to compare.")
+        first = f"; {len(missing)} are missing, the first: {missing[0]}" if missing else ""
+        raise RequestError(f"There is no finished run to compare{first}. Run the experiment first.")
     by_task: dict[str, dict[str, list[ComparedRun]]] = {}
     for run in runs:
         own = by_task.setdefault(run.spec.name, {}).setdefault(run.system, [])

@@ -211,6 +211,14 @@ def test_the_pictures_show_something(experiment: Path, tmp_path: Path) -> None:
             assert len(np.unique(picture.reshape(-1, picture.shape[-1]), axis=0)) > 20
 
 
+def test_an_experiment_without_a_finished_run_is_told(tmp_path: Path) -> None:
+    (tmp_path / COPY).write_text(EXPERIMENT)
+    with pytest.raises(
+        RequestError, match=r"12 are missing, the first: map_elites/qd_walker/1: not begun"
+    ):
+        compare_experiment(tmp_path)
+
+
 def test_a_run_cannot_be_compared_with_itself(experiment: Path) -> None:
     path = experiment / "map_elites" / "qd_walker" / "seed1"
     with pytest.raises(RequestError, match="a second run of map_elites on qd_walker with seed 1"):
