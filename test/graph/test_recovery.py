@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from graph import Graph
 from processes import children, kill_orchestrator, wait_for_no_children
-from reference import ES, run_digest, search_digest
+from reference import run_digest, search_digest
 
 LONG: dict[str, Any] = {"evaluations": 80, "n_crit": 100}
 """Enough generations of variation to be in the middle of one when something is killed."""
@@ -16,9 +16,7 @@ LONG: dict[str, Any] = {"evaluations": 80, "n_crit": 100}
 KINDS = ("evaluator_0", "critic_trainer", "variation", "archive_manager")
 
 
-@pytest.mark.parametrize(
-    "system", [{}, {"algorithm": "td3", "n_evo": 50}, ES], ids=["pga", "td3", "map_elites_es"]
-)
+@pytest.mark.parametrize("system", [{}, {"algorithm": "td3", "n_evo": 50}], ids=["pga", "td3"])
 def test_a_killed_orchestrator_leaves_no_orphan_and_the_same_command_resumes(
     graph: Graph, tmp_path: Path, system: dict[str, Any]
 ) -> None:
