@@ -16,6 +16,7 @@ from pga_me_ros.core.program import run_program
 from pga_me_ros.core.run_directory import REPERTOIRE
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.core.storage import Repertoire
+from pga_me_ros.core.systems import system_of
 from pga_me_ros.recording.episodes import RecordedRun, recorded_run
 from pga_me_ros.recording.gaps import ranges
 from pga_me_ros.replay.publishing import publish
@@ -89,6 +90,10 @@ def _settings(asked: argparse.Namespace, recorded: RecordedRun) -> Settings:
     else:
         base = {"task": recorded.task}
     settings = Settings.from_mapping({**base, **changes, "n_crit": asked.steps})
+    if not system_of(settings).learns_critics:
+        raise SettingsError(
+            f"{settings.algorithm} learns no critics; leave out --like, or --set algorithm."
+        )
     if settings.greedy_init != "random":
         raise SettingsError(
             f"greedy_init is '{settings.greedy_init}', but there is no archive here; add --set greedy_init=random."

@@ -13,6 +13,7 @@ from pga_me_ros.core.run_directory import LOCK, REPERTOIRE
 from pga_me_ros.core.schedule import evaluation_ids
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.core.storage import Repertoire
+from pga_me_ros.core.systems import system_of
 from pga_me_ros.recording.episodes import recorded_run
 from pga_me_ros.recording.gaps import ranges
 from pga_me_ros.tasks.registry import task_spec
@@ -54,7 +55,7 @@ def restore_experience(bag: Path, run: Path) -> str:
         )
     lock = FileLock(run / LOCK)
     try:
-        experience = Experience(run / FOLDER, settings)
+        experience, system = Experience(run / FOLDER, settings), system_of(settings)
         for generation, episodes in recorded.episodes(heads, task_spec(settings.task)):
             found = sum(episode.length for episode in episodes.values())
             if found != steps[generation]:
@@ -63,7 +64,7 @@ def restore_experience(bag: Path, run: Path) -> str:
                     "done again after it was recorded."
                 )
             for evaluation, episode in episodes.items():
-                experience.stage(generation, evaluation, episode)
+                experience.stage(generation, evaluation, system.remembered(episode))
             experience.store(generation)
     finally:
         lock.release()

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from pga_me_ros.core.checkpoint import save_checkpoint
+from pga_me_ros.core.checkpoint import load_checkpoint, save_checkpoint
 from pga_me_ros.core.critic_checkpoint import KEPT, CriticCheckpoints
 from pga_me_ros.core.errors import StorageError
 from pga_me_ros.core.policy import MlpShape
@@ -67,6 +67,25 @@ def assert_same(found, wanted):
 
 def test_an_outcome_comes_back_bit_for_bit(tmp_path):
     saved(tmp_path, [5])
+    assert_same(CriticCheckpoints(tmp_path).find(order(5)), outcome(5))
+
+
+def test_an_outcome_without_critics_comes_back(tmp_path):
+    snapshot, state = outcome(5)
+    none = np.empty((0, 0, 0, 0), np.float32)
+    evolved = dataclasses.replace(
+        snapshot, critic_shape=None, critic=none.ravel(), states=none, center=snapshot.greedy + 1
+    )
+    CriticCheckpoints(tmp_path).save(order(5), evolved, state)
+    assert_same(CriticCheckpoints(tmp_path).find(order(5)), (evolved, state))
+
+
+def test_a_file_from_before_there_were_centres_is_read(tmp_path):
+    saved(tmp_path, [5])
+    path = tmp_path / "critic-00000005.ckpt"
+    arrays, meta = load_checkpoint(path)
+    del meta["center"]
+    save_checkpoint(path, arrays, meta)
     assert_same(CriticCheckpoints(tmp_path).find(order(5)), outcome(5))
 
 

@@ -164,6 +164,7 @@ def not_finite(k: int) -> bytes:
         ([transitions(0)], ["--set", "sead=3"], "did you mean 'seed'"),
         ([transitions(0)], ["--set", "seed"], "--set NAME=VALUE"),
         ([transitions(0)], ["--set", "greedy_init=best"], "add --set greedy_init=random"),
+        ([transitions(0)], ["--set", "algorithm=map_elites_es"], "map_elites_es learns no critics"),
     ],
 )
 def test_what_cannot_be_trained_on_is_told_in_a_line(
