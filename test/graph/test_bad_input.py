@@ -24,6 +24,8 @@ REFUSED = 2
 ONE_GENERATION = {"evaluations": 10}
 
 BROKEN_TASKS = """
+import dataclasses
+
 from pga_me_ros.tasks.locomotion import QDHopper
 
 
@@ -35,6 +37,10 @@ class Unplugged(QDHopper):
 class Stumbling(QDHopper):
     def step(self, action):
         raise RuntimeError("lost a leg")
+
+
+class Reticent(QDHopper):
+    spec = dataclasses.replace(QDHopper.spec, step_descriptor_names=())
 """
 
 
@@ -152,6 +158,17 @@ def test_a_task_that_does_not_start_ends_the_run_with_its_reason(
     monkeypatch.setenv("PYTHONPATH", str(tmp_path), prepend=os.pathsep)
     words = refused_run(graph, tmp_path / "run", task="my_robots:Unplugged")
     assert "'my_robots:Unplugged' does not start (RuntimeError: no servo answers)" in words
+
+
+def test_a_task_that_lacks_what_the_algorithm_needs_is_refused_before_anything_starts(
+    graph: Graph, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "my_robots.py").write_text(BROKEN_TASKS)
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path), prepend=os.pathsep)
+    run_dir, parameters = tmp_path / "run", {"algorithm": "qd_rl", "n_evo": 50}
+    words = refused_run(graph, run_dir, task="my_robots:Reticent", **parameters)
+    assert "Task 'qd_hopper' has no state descriptors" in words
+    assert not run_dir.exists()
 
 
 def test_a_task_that_fails_on_the_way_ends_the_run_with_its_reason(
