@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from graph import Graph
 from processes import children, kill_orchestrator, wait_for_no_children
-from reference import run_digest, search_digest
+from reference import ES, run_digest, search_digest
 
 LONG: dict[str, Any] = {"evaluations": 80, "n_crit": 100}
 """Enough generations of variation to be in the middle of one when something is killed."""
