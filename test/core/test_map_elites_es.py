@@ -253,8 +253,11 @@ def test_offspring_of_other_systems_are_refused():
     none = np.empty((1, 1, shape.parameter_count), np.float32)
     with pytest.raises(RequestError, match="no critics"):
         make_offspring(Operator.PG, Wanted(SHORT, shape, 1, 1, 1, none, search._snapshot))
-    with pytest.raises(RequestError, match="has none"):
-        make_offspring(Operator.ES_SAMPLE, Wanted(SETTINGS, shape, 2, 1, 1, none, theirs._snapshot))
+    for generation, snapshot in ((0, None), (2, theirs._snapshot)):
+        with pytest.raises(RequestError, match="has none"):
+            make_offspring(
+                Operator.ES_SAMPLE, Wanted(SETTINGS, shape, generation, 1, 1, none, snapshot)
+            )
     for first, count in ((0, 1), (10, 2)):
         with pytest.raises(RequestError, match="theirs are 1 to 10"):
             make_offspring(Operator.ES_SAMPLE, Wanted(SHORT, shape, 0, first, count, none))
