@@ -15,6 +15,7 @@ from pga_me_ros.core.pg_variation import pg_variation
 from pga_me_ros.core.policy import MlpShape
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.core.snapshot import Snapshot
+from pga_me_ros.core.systems import system_of
 
 Float32Array = NDArray[np.float32]
 
@@ -96,14 +97,15 @@ def _climb(w: Wanted, snapshot: Snapshot, critic: Float32Array) -> Float32Array:
 
 
 def _es_sample(w: Wanted) -> Float32Array:
+    if system_of(w.settings).learns_critics:
+        raise RequestError(
+            f"Samples of an evolution strategy are asked for, but {w.settings.algorithm} has none."
+        )
     if w.generation == 0:
         center = random_controllers(w.settings, w.shape, 0, 0, 1)[0]
     else:
         assert w.snapshot is not None
-        if w.snapshot.center is None:
-            raise RequestError(
-                f"Samples of an evolution strategy are asked for, but {w.settings.algorithm} has none."
-            )
+        assert w.snapshot.center is not None
         center = w.snapshot.center
     return es_samples(w.settings, center, w.generation, w.first, w.count)
 

@@ -58,7 +58,7 @@ def test_it_reaches_the_optimum(search: Search):
 
 
 def test_it_fills_cells(search: Search):
-    assert search.archive.coverage >= 8
+    assert search.archive.coverage >= 12
 
 
 def test_samples_count_but_are_not_offered(search: Search):
@@ -103,6 +103,27 @@ def test_exploit_and_explore_take_turns():
         search.ask()
         turns.append(bool(search.learner.state()["explore"][0]))
     assert turns == [False, True, True, False, False, True, True, False, False]
+
+
+@pytest.mark.parametrize("explore", [False, True])
+def test_steps_go_up_the_fitness_or_up_the_novelty(explore: bool):
+    """One way along a line is fitter, the other one leads away from a behaviour that is known."""
+    settings = ES.replace(es_l2=0.0)
+    batch = Search(Lane.spec, settings).ask()
+    along = np.random.default_rng(0).normal(size=batch.parameters.shape[1])
+    way = (batch.parameters - batch.parameters[0]) @ along
+    way /= np.abs(way).max()
+    episodes = [
+        replace(e, fitness=-float(x), descriptor=np.array([0.5 + 0.4 * x]))
+        for e, x in zip(evaluated(Search(Lane.spec, SHORT).ask())[:1] * 61, way, strict=True)
+    ]
+    learner = EsLearner(Lane.spec, settings)
+    known = {"explore": np.array([explore]), "behaviors": np.zeros((1, 1))}
+    learner.load_state({**learner.state(), **known}, 0)
+    learner.add(0, episodes)
+    step = (learner.train(settings, 1).greedy - batch.parameters[0]) @ along
+    assert np.sign(step) == (1 if explore else -1)
+    assert abs(step) > 0.2 * settings.es_learning_rate * np.abs(along).sum()
 
 
 def test_it_knows_the_elites_of_the_archive(search: Search):
@@ -232,8 +253,11 @@ def test_offspring_of_other_systems_are_refused():
     none = np.empty((1, 1, shape.parameter_count), np.float32)
     with pytest.raises(RequestError, match="no critics"):
         make_offspring(Operator.PG, Wanted(SHORT, shape, 1, 1, 1, none, search._snapshot))
-    with pytest.raises(RequestError, match="has none"):
-        make_offspring(Operator.ES_SAMPLE, Wanted(SETTINGS, shape, 2, 1, 1, none, theirs._snapshot))
+    for generation, snapshot in ((0, None), (2, theirs._snapshot)):
+        with pytest.raises(RequestError, match="has none"):
+            make_offspring(
+                Operator.ES_SAMPLE, Wanted(SETTINGS, shape, generation, 1, 1, none, snapshot)
+            )
     for first, count in ((0, 1), (10, 2)):
         with pytest.raises(RequestError, match="theirs are 1 to 10"):
             make_offspring(Operator.ES_SAMPLE, Wanted(SHORT, shape, 0, first, count, none))
