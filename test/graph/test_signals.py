@@ -20,6 +20,7 @@ from reference import run_digest, search_digest
 from std_srvs.srv import Trigger
 
 from pga_me_ros.core.policy import MlpShape
+from pga_me_ros.core.elites import Operator
 from pga_me_ros.core.storage import Repertoire
 from pga_me_ros.ros import names, qos
 from pga_me_ros.ros.convert import flat
@@ -154,7 +155,12 @@ def test_a_rate_takes_effect_at_the_next_generation_and_is_recorded(
     with Repertoire.open(tmp_path / "run" / "repertoire.db", read_only=True) as repertoire:
         rates, metrics = repertoire.rates(), repertoire.metrics()
     assert [(r["n_evo"], r["iso_sigma"]) for r in rates[at : at + 2]] == [(5, 0.005), (7, 0.5)]
-    assert [m.offspring for m in metrics[at : at + 2]] == [(0, 5, 4, 1, 0), (0, 7, 2, 1, 0)]
+    made = [dict(zip(Operator, m.offspring, strict=True)) for m in metrics[at : at + 2]]
+    assert [(m[Operator.GREEDY], m[Operator.GA], m[Operator.PG]) for m in made] == [
+        (1, 5, 4),
+        (1, 7, 2),
+    ]
+    assert [sum(m.values()) for m in made] == [10, 10]
 
 
 def test_parameters_of_a_resumed_run_show_the_rates_in_force(

@@ -25,7 +25,7 @@ NODES = [
     "record",
     "variation",
 ]
-PROGRAMS = ["export", "reevaluate", "render", "replay", "report"]
+PROGRAMS = ["experiment", "export", "reevaluate", "render", "replay", "report"]
 
 TINY_RUN = {
     "evaluations": "24",

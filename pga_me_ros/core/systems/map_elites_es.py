@@ -40,6 +40,7 @@ class MapElitesEs(System):
     title = "MAP-Elites-ES"
     # The newest generation is all that a step is taken on, so the replay buffer's window is as short as can be.
     defaults: ClassVar = {"random_init": 1, "schedule": "alternating", "replay_size": 1}
+    parents: ClassVar = {Operator.ES_SAMPLE: 0}
     learns_critics = False
 
     def own_values(self, settings: Settings) -> Mapping[str, Any]:

@@ -52,7 +52,7 @@ class System(ABC):
         name: Value of the setting `algorithm`.
         title: Name for people, as in the paper.
         defaults: Values that it has in place of the defaults of `Settings`.
-        parents: Parents that each operator takes; one that is not named takes none.
+        parents: The operators that make its offspring, random controllers apart, and how many parents each takes.
         learns_critics: Whether what it learns, if it learns anything, is critics.
     """
 
