@@ -19,8 +19,8 @@ from rclpy.parameter import Parameter
 from reference import run_digest, search_digest
 from std_srvs.srv import Trigger
 
-from pga_me_ros.core.policy import MlpShape
 from pga_me_ros.core.elites import Operator
+from pga_me_ros.core.policy import MlpShape
 from pga_me_ros.core.storage import Repertoire
 from pga_me_ros.ros import names, qos
 from pga_me_ros.ros.convert import flat
