@@ -13,6 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from pga_me_ros.core.distances import squared_distances
 from pga_me_ros.core.errors import ArchiveError
 
 Floats = NDArray[np.float64]
@@ -122,16 +123,8 @@ def nearest_centroids(points: Floats, centroids: Floats) -> Ints:
         (n,) int64 array.
     """
     out = np.empty(len(points), np.int64)
-    columns = np.ascontiguousarray(centroids.T)
-    block = max(1, _BLOCK_NUMBERS // len(centroids))
-    for start in range(0, len(points), block):
-        part = points[start : start + block]
-        distance = np.zeros((len(part), len(centroids)))
-        for axis, column in enumerate(columns):
-            difference = part[:, axis, None] - column
-            difference *= difference
-            distance += difference
-        out[start : start + block] = distance.argmin(axis=1)
+    for rows, squares in squared_distances(points, centroids, _BLOCK_NUMBERS):
+        out[rows] = squares.argmin(axis=1)
     return out
 
 

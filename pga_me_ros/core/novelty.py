@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pga_me_ros.core.cvt import checked_box
+from pga_me_ros.core.distances import squared_distances
 
 Floats = NDArray[np.float64]
 
@@ -51,7 +50,7 @@ def novelty(points: Floats, others: Floats, k: int, *, themselves: bool = False)
     k = min(k, len(others) - themselves)
     if k < 1:
         return out
-    for rows, squares in _squared_distances(points, others):
+    for rows, squares in squared_distances(points, others, _BLOCK_NUMBERS):
         if themselves:
             squares[np.arange(len(squares)), np.arange(len(points))[rows]] = np.inf
         nearest = np.partition(squares, k - 1, axis=1)[:, :k]
@@ -66,20 +65,6 @@ def nearest_distance(points: Floats, others: Floats) -> Floats:
     """Return the (n,) float64 Euclidean distances of (n, d) points to the nearest of (m, d) others, inf for m = 0."""
     out = np.full(len(points), np.inf)
     if len(others):
-        for rows, squares in _squared_distances(points, others):
+        for rows, squares in squared_distances(points, others, _BLOCK_NUMBERS):
             out[rows] = np.sqrt(squares.min(axis=1))
     return out
-
-
-def _squared_distances(points: Floats, others: Floats) -> Iterator[tuple[slice, Floats]]:
-    """Yield the rows of points and their squared distances to all others, (rows, m), block by block."""
-    columns = np.ascontiguousarray(others.T)
-    block = max(1, _BLOCK_NUMBERS // len(others))
-    for start in range(0, len(points), block):
-        part = points[start : start + block]
-        squares = np.zeros((len(part), len(others)))
-        for axis, column in enumerate(columns):
-            difference = part[:, axis, None] - column
-            difference *= difference
-            squares += difference
-        yield slice(start, start + len(part)), squares
