@@ -19,7 +19,7 @@ from rclpy.task import Future
 
 from pga_me_ros.behaviors import Behavior, Controller, ListedBehavior, RepertoireInfo
 from pga_me_ros.core.errors import PgaError, RequestError
-from pga_me_ros.ros import names
+from pga_me_ros.ros import names, qos
 from pga_me_ros.ros.behavior_requests import behavior_request, behaviors_request, limit_fitness
 from pga_me_ros.ros.patient_client import (
     BlockedExecutorError,
@@ -228,7 +228,9 @@ class RepertoireClient:
 
     def _client(self, srv_type: Any, prefix: str, name: str) -> Client:
         full = f"{prefix.rstrip('/')}/{name}" if prefix else name
-        return self._node.create_client(srv_type, full, callback_group=self._caller.group)
+        return self._node.create_client(
+            srv_type, full, qos_profile=qos.CLIENT, callback_group=self._caller.group
+        )
 
     def _ask_behavior(self, *, timeout: float | None = None, **wanted: Any) -> PendingCall:
         request = behavior_request(**wanted)

@@ -67,7 +67,7 @@ class CriticSide:
         self._ordered: set[int] = set()
         self.reevaluations = 0
         node.create_subscription(CriticSnapshot, names.SNAPSHOT, self._take, qos.LATCHED)
-        self._best = node.create_client(GetBehavior, names.GET_BEHAVIOR)
+        self._best = node.create_client(GetBehavior, names.GET_BEHAVIOR, qos_profile=qos.CLIENT)
 
     def greedy(self, generation: int) -> NDArray[np.float32]:
         """Return the greedy controller (P,) of a generation whose snapshot is there."""

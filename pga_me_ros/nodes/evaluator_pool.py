@@ -17,6 +17,7 @@ from rclpy.node import Node
 
 from pga_me_ros.core.errors import PgaError
 from pga_me_ros.nodes.evaluator_work import Chunk, Job, Outcome, Worker
+from pga_me_ros.ros import qos
 from pga_me_ros.ros.convert import evaluated_from_msg, flat
 from pga_me_ros.ros.namesakes import offers_service
 from pga_me_ros.ros.refusals import printable
@@ -200,7 +201,9 @@ class EvaluatorPool:
             if not offers_service(self._node, f"{msg.node}/evaluate"):
                 return  # its next sign of life comes in a second
             # Clients are kept for good: destroying one while the executor waits for it is an error in rclpy.
-            self._clients[msg.node] = self._node.create_client(Evaluate, f"{msg.node}/evaluate")
+            self._clients[msg.node] = self._node.create_client(
+                Evaluate, f"{msg.node}/evaluate", qos_profile=qos.CLIENT
+            )
         self._workers[msg.node] = Worker(
             client=self._clients[msg.node],
             process=(msg.host, msg.pid),

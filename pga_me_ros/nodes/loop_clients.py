@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from pga_me_msgs.srv import AddToArchive, Propose, SampleParents, StoreExperience, Train
+from rclpy.client import Client
 from rclpy.node import Node
 
-from pga_me_ros.ros import names
+from pga_me_ros.ros import names, qos
 
 
 class LoopClients:
@@ -16,11 +19,14 @@ class LoopClients:
     """
 
     def __init__(self, node: Node) -> None:
-        self.add_to_archive = node.create_client(AddToArchive, names.ADD_TO_ARCHIVE)
-        self.sample_parents = node.create_client(SampleParents, names.SAMPLE_PARENTS)
-        self.propose = node.create_client(Propose, names.PROPOSE)
-        self.train = node.create_client(Train, names.TRAIN)
-        self.store_experience = node.create_client(StoreExperience, names.STORE_EXPERIENCE)
+        def client(srv_type: Any, name: str) -> Client:
+            return node.create_client(srv_type, name, qos_profile=qos.CLIENT)
+
+        self.add_to_archive = client(AddToArchive, names.ADD_TO_ARCHIVE)
+        self.sample_parents = client(SampleParents, names.SAMPLE_PARENTS)
+        self.propose = client(Propose, names.PROPOSE)
+        self.train = client(Train, names.TRAIN)
+        self.store_experience = client(StoreExperience, names.STORE_EXPERIENCE)
 
     def ready(self) -> bool:
         """Whether all services have been discovered."""

@@ -17,7 +17,7 @@ from pga_me_ros.core.policy import MlpShape
 from pga_me_ros.core.reevaluations import Statistics
 from pga_me_ros.core.run_info import RunInfo
 from pga_me_ros.nodes.known_statistics import KnownStatistics
-from pga_me_ros.ros import names
+from pga_me_ros.ros import names, qos
 from pga_me_ros.ros.convert import behavior_to_msg, controller_to_msg, flat
 from pga_me_ros.ros.graph_node import GraphNode
 from pga_me_ros.tasks.spec import TaskSpec
@@ -60,10 +60,11 @@ class RepertoireServices:
         self.metrics = MetricsMsg()
         # What a robot tries next is no part of the run, so it need not be repeatable.
         self._any = np.random.default_rng()
-        node.serve(GetBehavior, names.GET_BEHAVIOR, self._get_behavior, ok_field="found")
-        node.serve(GetBehaviors, names.GET_BEHAVIORS, self._get_behaviors, ok_field="ok")
-        node.serve(ListBehaviors, names.LIST_BEHAVIORS, self._list, ok_field="ok")
-        node.create_service(GetInfo, names.GET_INFO, self._get_info)
+        many = qos.ASKED_BY_MANY
+        node.serve(GetBehavior, names.GET_BEHAVIOR, self._get_behavior, "found", many)
+        node.serve(GetBehaviors, names.GET_BEHAVIORS, self._get_behaviors, "ok", many)
+        node.serve(ListBehaviors, names.LIST_BEHAVIORS, self._list, "ok", many)
+        node.create_service(GetInfo, names.GET_INFO, self._get_info, qos_profile=many)
 
     def _get_behavior(self, request: GetBehavior.Request, response: GetBehavior.Response) -> None:
         try:

@@ -86,7 +86,7 @@ class Run:
             directory.imported,
         )
         self._clients = clients
-        self._info = control.create_client(GetInfo, names.GET_INFO)
+        self._info = control.create_client(GetInfo, names.GET_INFO, qos_profile=qos.CLIENT)
         control.create_subscription(NodeStatus, names.STATUS, self._heard, qos.STATUS)
 
     def grow(self) -> None:

@@ -14,6 +14,7 @@ from pga_me_msgs.msg import NodeStatus
 from rclpy._rclpy_pybind11 import RCLError
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
+from rclpy.qos import QoSProfile, qos_profile_services_default
 from rclpy.service import Service
 
 from pga_me_ros.core.errors import PgaError, RequestError
@@ -73,7 +74,12 @@ class GraphNode(Node):
         self._beat.done += n
 
     def serve(
-        self, srv_type: Any, name: str, handler: Handler, ok_field: str = "accepted"
+        self,
+        srv_type: Any,
+        name: str,
+        handler: Handler,
+        ok_field: str = "accepted",
+        qos_profile: QoSProfile = qos_profile_services_default,
     ) -> Service:
         """Offer a service whose handler fills the response or raises.
 
@@ -82,6 +88,7 @@ class GraphNode(Node):
             name: Relative name.
             handler: ``handler(request, response)``; what it raises becomes a refusal.
             ok_field: The response's field that says whether the request was served.
+            qos_profile: Quality of service.
         """
 
         def callback(request: Any, response: Any) -> Any:
@@ -101,7 +108,7 @@ class GraphNode(Node):
                 self.diagnostics.fault(self._beat.last_error)
             return response
 
-        return self.create_service(srv_type, name, callback)
+        return self.create_service(srv_type, name, callback, qos_profile=qos_profile)
 
     def check_run(self, run_id: str, ours: str) -> None:
         """Refuse what does not belong to this run.

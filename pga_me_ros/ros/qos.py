@@ -34,5 +34,13 @@ STATUS = _reliable(50)
 DIAGNOSTICS = _reliable(1)
 """As diagnostic_updater publishes."""
 
+CLIENT = _reliable(1000)
+"""A client's side of a service. Its reader hears the answers to all clients, and keeps the newest until the node is
+spun: with rclpy's depth of 10, whoever is busy while others ask ten times never hears the answer to itself."""
+
+ASKED_BY_MANY = _reliable(100)
+"""A server's side of what any number of robots may ask at the same time; with rclpy's 10, the eleventh to ask while the
+node is busy puts the first out of the queue. Services that only the run uses keep rclpy's: their messages are large."""
+
 STREAM = _reliable(100)
 """A robot in motion: one message per control step."""

@@ -176,7 +176,9 @@ class Fuzzer:
         for name, (kind, *_) in sorted(found.items()):
             if not name.startswith("/probe/") and not name.endswith(USERS):
                 self._types[name] = _load(kind)
-                self._clients[name] = self._probe.node.create_client(self._types[name], name)
+                self._clients[name] = self._probe.node.create_client(
+                    self._types[name], name, qos_profile=qos.CLIENT
+                )
 
     def _take_topics(self, found: dict[str, list[str]]) -> None:
         profiles = {

@@ -17,6 +17,8 @@ import rclpy
 from rclpy.context import Context
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 
+from pga_me_ros.ros import qos
+
 DEADLINE = 60.0
 """Seconds after which something that should have happened is taken for lost."""
 
@@ -160,16 +162,16 @@ class Probe:
 
     def call(self, srv_type: Any, name: str, timeout: float = DEADLINE, **fields: Any) -> Any:
         """Call a service and return its response; fields are those of the request."""
-        client = self.node.create_client(srv_type, name)
+        client = self.node.create_client(srv_type, name, qos_profile=qos.CLIENT)
         wait_until(client.service_is_ready, f"service {name}", timeout)
         future = client.call_async(srv_type.Request(**fields))
         wait_until(future.done, f"an answer of {name}", timeout)
         return future.result()
 
-    def listen(self, msg_type: Any, topic: str, qos: Any) -> list[Any]:
+    def listen(self, msg_type: Any, topic: str, profile: Any) -> list[Any]:
         """Return a list to which every message of a topic is added."""
         heard: list[Any] = []
-        self.node.create_subscription(msg_type, topic, heard.append, qos)
+        self.node.create_subscription(msg_type, topic, heard.append, profile)
         return heard
 
     def close(self) -> None:

@@ -16,6 +16,7 @@ import pytest
 import rclpy
 from domain_coordinator import domain_id
 from graph import Graph, wait_until
+from pga_me_msgs.srv import GetBehavior
 from rclpy.context import Context
 from rclpy.executors import Executor, MultiThreadedExecutor, SingleThreadedExecutor
 from rclpy.node import Node
@@ -272,6 +273,35 @@ def test_a_service_that_hangs_is_told_apart(repertoire: Served, client: Repertoi
     finally:
         repertoire.manager.signal(signal.SIGCONT)
     assert client.get_behavior(best=True).fitness > 0.0
+
+
+def test_a_busy_robot_hears_its_answer_after_those_to_many_others(
+    repertoire: Served, client: RepertoireClient, robots: Robots
+) -> None:
+    client.get_info()
+    answer = client.get_behavior_async(best=True, timeout=60.0)
+    for _ in range(30):
+        repertoire.probe.call(
+            GetBehavior, "repertoire/get_behavior", select=GetBehavior.Request.BEST
+        )
+    robots.spin(client._node)
+    wait_until(answer.done, "the answer")
+    assert answer.result().cell == repertoire.archive.best().cell
+
+
+def test_a_crowd_that_asks_while_the_server_is_busy_gets_all_its_answers(
+    repertoire: Served, context: Context, robots: Robots
+) -> None:
+    crowd = [RepertoireClient(robots.node(context)) for _ in range(3)]
+    for client in crowd:
+        client.get_info()
+    repertoire.manager.signal(signal.SIGSTOP)
+    answers = [c.get_behavior_async(best=True, timeout=60.0) for c in crowd for _ in range(20)]
+    repertoire.manager.signal(signal.SIGCONT)
+    for client in crowd:
+        robots.spin(client._node)
+    wait_until(lambda: all(a.done() for a in answers), "all answers")
+    assert [a.exception() for a in answers] == [None] * len(answers)
 
 
 def test_an_executor_that_does_not_spin_is_told_apart(client: RepertoireClient) -> None:
