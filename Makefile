@@ -7,7 +7,7 @@ SHELL := /bin/bash
 PYTHON ?=
 TASK ?= qd_walker
 ARGS ?=
-WORKERS ?= 2
+WORKERS ?= 3
 
 BENCHES := rollout reset critic pg_variation graph archive scaling paper_scale
 
@@ -30,7 +30,7 @@ run: setup ## Grow a repertoire, query it from another process, run the gait tha
 	@$(IN_VENV) exec python -m pga_me_ros.demo --params-file config/$(TASK).yaml $(ARGS)
 
 test: setup ## Run all checks and tests
-	@$(IN_VENV) ROS_PYTHON_CHECK_FIELDS=1 exec python -m pytest -n $(WORKERS) --dist loadscope $(ARGS)
+	@$(IN_VENV) ROS_PYTHON_CHECK_FIELDS=1 exec python -m pytest -n $(WORKERS) --dist loadscope --no-loadscope-reorder $(ARGS)
 
 lint: setup ## Run only the checks of style and types
 	@$(IN_VENV) exec python -m pytest -q test/packaging/test_lint.py

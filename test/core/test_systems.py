@@ -55,6 +55,14 @@ def test_every_evaluation_counts(name):
     assert {sum(m.offspring) for m in metrics} == {b}
 
 
+@pytest.mark.parametrize("name", list(SYSTEMS))
+def test_a_variation_node_makes_what_its_system_makes_and_no_other(name):
+    system, settings = SYSTEMS[name], Settings.from_mapping({"algorithm": name})
+    slots = system.offspring(settings, settings.init_generations)
+    made = {s.operator for s in slots if s.count}
+    assert set(system.parents) == made - {Operator.GREEDY}
+
+
 def test_map_elites_fills_its_archive_by_genetic_variation_alone():
     search = grown(SYSTEM["map_elites"])
     assert search.archive.coverage == search.archive.cells

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from pga_me_ros.core.elites import Operator
 from pga_me_ros.core.errors import SettingsError
@@ -18,6 +18,7 @@ class MapElites(System):
 
     name = "map_elites"
     title = "MAP-Elites"
+    parents: ClassVar[Mapping[Operator, int]] = {Operator.GA: 2}
 
     def check(self, settings: Settings, given: Mapping[str, Any]) -> None:
         """Also refuse to leave places to gradients."""

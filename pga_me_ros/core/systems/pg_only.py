@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from pga_me_ros.core.elites import Operator
 from pga_me_ros.core.errors import SettingsError
 from pga_me_ros.core.systems.pga_map_elites import PgaMapElites
 
@@ -18,6 +19,7 @@ class PgOnly(PgaMapElites):
     name = "pg_only"
     title = "PGA-MAP-Elites (only PG)"
     defaults: ClassVar = {"n_evo": 0}
+    parents: ClassVar[Mapping[Operator, int]] = {Operator.PG: 1}
 
     def check(self, settings: Settings, given: Mapping[str, Any]) -> None:
         """Also refuse genetic variation."""

@@ -25,6 +25,7 @@ class Td3(System):
     name = "td3"
     title = "TD3"
     defaults: ClassVar = {"batch_size": 10, "schedule": "alternating"}
+    parents: ClassVar[Mapping[Operator, int]] = {}
 
     def check(self, settings: Settings, given: Mapping[str, Any]) -> None:
         """Refuse what there is no room for: variation, and critics that train ahead of their actor."""
