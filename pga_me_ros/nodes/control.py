@@ -35,8 +35,8 @@ class Control(Node):
     def __init__(self) -> None:
         self.terminal = Terminal()
         super().__init__("orchestrator", automatically_declare_parameters_from_overrides=True)
-        refusals = CalmRefusals()
-        shield(self, lambda reason: self._warn(refusals.line(reason)))
+        self._refusals = CalmRefusals()
+        shield(self, self.refused)
         self.settings, options = declare_run(self, RunOptions)
         self.options = RunOptions(**options)
         self.stop_requested = threading.Event()
@@ -50,7 +50,9 @@ class Control(Node):
         """Return a logger that does not write into the line of progress."""
         return CalmLogger(super().get_logger(), self.terminal)
 
-    def _warn(self, line: str | None) -> None:
+    def refused(self, reason: str) -> None:
+        """Tell of a request or message that was refused, at most once a second."""
+        line = self._refusals.line(reason)
         if line is not None:
             self.get_logger().warning(line)
 

@@ -8,17 +8,19 @@ import numpy as np
 from numpy.typing import NDArray
 from pga_me_msgs.msg import CriticSnapshot
 from pga_me_msgs.srv import GetBehavior, StoreExperience, Train
-from rclpy.node import Node
 
 from pga_me_ros.core.errors import PgaError
 from pga_me_ros.core.schedule import TrainingOrder
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.core.snapshot import Snapshot
+from pga_me_ros.core.snapshot_fit import require_fit
 from pga_me_ros.nodes.caller import Waiter, accepted, call
+from pga_me_ros.nodes.control import Control
 from pga_me_ros.nodes.evaluator_pool import EvaluatorPool
 from pga_me_ros.nodes.loop_clients import LoopClients
 from pga_me_ros.ros import names, qos
 from pga_me_ros.ros.convert import flat, rates_to_msg, snapshot_from_msg
+from pga_me_ros.tasks.spec import TaskSpec
 
 ARRIVAL = 1.0
 """Seconds that episodes get to arrive after their evaluation was answered, before they are fetched again."""
@@ -39,6 +41,7 @@ class CriticSide:
     Args:
         node: The orchestrator's node.
         run_id: Id of the run.
+        spec: Task of the run.
         settings: Settings of the run.
         clients: Services of the other nodes.
         pool: Evaluators, to repeat evaluations whose experience was lost.
@@ -48,8 +51,9 @@ class CriticSide:
 
     def __init__(
         self,
-        node: Node,
+        node: Control,
         run_id: str,
+        spec: TaskSpec,
         settings: Settings,
         clients: LoopClients,
         pool: EvaluatorPool,
@@ -58,6 +62,7 @@ class CriticSide:
     ) -> None:
         self._node = node
         self._run_id = run_id
+        self._spec = spec
         self._settings = settings
         self._clients = clients
         self._pool = pool
@@ -155,8 +160,9 @@ class CriticSide:
             return  # of another run, or of no training of ours: one that is ordered later comes again
         try:
             snapshot = snapshot_from_msg(msg)
+            require_fit(snapshot, self._spec, self._settings)
         except PgaError as error:
-            self._node.get_logger().warning(f"dropped a critic snapshot: {error}")
+            self._node.refused(f"dropped a critic snapshot: {error}")
             return
         self._snapshots[snapshot.generation] = snapshot
         for old in [g for g in self._snapshots if g < snapshot.generation - 1]:

@@ -70,6 +70,7 @@ class Run:
         self._critics = CriticSide(
             control,
             directory.run_id,
+            spec,
             settings,
             clients,
             self._pool,

@@ -14,9 +14,10 @@ from pga_me_msgs.srv import Propose
 from pga_me_ros.core.elites import Operator
 from pga_me_ros.core.errors import PgaError, RequestError
 from pga_me_ros.core.make_offspring import MAKERS, Wanted, make_offspring, needs_snapshot
-from pga_me_ros.core.policy import controller_shape, critic_shape
+from pga_me_ros.core.policy import controller_shape
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.core.snapshot import Snapshot
+from pga_me_ros.core.snapshot_fit import require_fit
 from pga_me_ros.core.systems import system_of
 from pga_me_ros.nodes.options import ChildOptions, require_run
 from pga_me_ros.ros import names, qos
@@ -54,7 +55,7 @@ class Variation(GraphNode):
         try:
             self.check_run(msg.run_id, self._run_id)
             snapshot = snapshot_from_msg(msg)
-            self._check_fit(snapshot)
+            require_fit(snapshot, self._spec, self._settings)
         except PgaError as error:
             self.refused(f"dropped a critic snapshot: {error}")
         else:
@@ -64,40 +65,6 @@ class Variation(GraphNode):
             self._snapshots[snapshot.generation] = snapshot
             while len(self._snapshots) > KEPT:
                 del self._snapshots[next(iter(self._snapshots))]
-
-    def _check_fit(self, snapshot: Snapshot) -> None:
-        """Refuse a snapshot of other networks or states than the run's.
-
-        Raises:
-            RequestError: It is one.
-        """
-        s = self._settings
-        critics = system_of(s).learns_critics
-        sets = 1 if s.pg_batches == "shared" else s.batch_size
-        states = (sets, s.transition_batch, self._spec.observation_dim)
-        expected = {
-            "layers of the greedy controller": self._shape.sizes,
-            "layers of the critic": critic_shape(self._spec, s).sizes if critics else (),
-            "sets, batch size and entries of its states": states if critics else (0, 0, 0),
-            "parameters of the samples' centre": 0 if critics else self._shape.parameter_count,
-        }
-        found = (
-            snapshot.greedy_shape.sizes,
-            snapshot.critic_shape.sizes if snapshot.critic_shape else (),
-            tuple(np.delete(snapshot.states.shape, 1).tolist()),
-            0 if snapshot.center is None else snapshot.center.size,
-        )
-        for (what, ours), theirs in zip(expected.items(), found, strict=True):
-            if theirs != ours:
-                raise RequestError(f"{what} are {theirs}, the run's are {ours}.")
-        has, needs = snapshot.diversity_critic is not None, Operator.DIVERSITY in self._operators
-        if has != needs:
-            does = ("has none", "needs one")[needs]
-            raise RequestError(
-                f"it has {('no', 'a')[has]} diversity critic; algorithm '{s.algorithm}' {does}."
-            )
-        if snapshot.generation < 0 or (critics and not snapshot.states.size):
-            raise RequestError("its generation is negative, or it holds no states.")
 
     def _propose(self, request: Propose.Request, response: Propose.Response) -> None:
         if self._answered and request == self._answered[0]:

@@ -9,7 +9,7 @@ import pytest
 from domain_coordinator import domain_id
 from graph import Graph, Probe
 
-EXACT = ("test_chaos", "test_determinism", "test_recovery", "test_fuzz")
+EXACT = ("test_chaos", "test_determinism", "test_recovery", "test_fuzz", "test_stray_snapshots")
 """Tests of what must hold every single time."""
 
 
