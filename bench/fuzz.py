@@ -26,12 +26,11 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "test/graph"))
 
 from domain_coordinator import domain_id
 from fuzzer import Fuzzer
-from graph import TINY, Graph, Probe, wait_until
+from graph import Graph, Probe, wait_until
 from processes import children
-from reference import NOT_SETTINGS, run_digest, search_digest
+from reference import run_digest, run_settings, search_digest
 from std_srvs.srv import Trigger
 
-from pga_me_ros.core.settings import Settings
 from pga_me_ros.core.storage import Repertoire
 
 RUN = {"evaluations": 10**7, "replay_size": 5000, "evaluators": 1}
@@ -49,8 +48,7 @@ def fuzz_a_run(folder: Path, cases: int, seed: int) -> dict[str, Any]:
         graph, probe = Graph(domain, folder), Probe(domain)
         try:
             run = graph.run(run_dir, **values)
-            settings = {k: v for k, v in {**TINY, **values}.items() if k not in NOT_SETTINGS}
-            fuzzer = Fuzzer(probe, Settings.from_mapping(settings))
+            fuzzer = Fuzzer(probe, run_settings(**values))
             before = children(run_dir)
             nodes = {**before, "orchestrator": run.process.pid}
             memory: list[dict[str, float]] = []

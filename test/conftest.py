@@ -12,7 +12,7 @@ from pga_me_ros.core.settings import RATES, Settings
 from pga_me_ros.core.storage import Repertoire
 from pga_me_ros.tasks.registry import make_task, task_spec
 
-LONG = ("packaging/test_workspace.py", "graph/")
+LONG = ("test/packaging/test_workspace.py", "test/graph/")
 """Tests of builds and processes take most of the time; begun last, they would leave one worker alone with it."""
 
 SMALL = {
@@ -31,13 +31,7 @@ SMALL = {
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Put the longest tests first."""
-    here = Path(__file__).parent
-
-    def rank(item: pytest.Item) -> int:
-        path = item.path.relative_to(here).as_posix()
-        return next((i for i, start in enumerate(LONG) if path.startswith(start)), len(LONG))
-
-    items.sort(key=rank)
+    items.sort(key=lambda item: [not item.nodeid.startswith(start) for start in LONG])
 
 
 def store_run(folder: Path, **settings: object) -> Path:

@@ -51,7 +51,7 @@ class Control(Node):
         return CalmLogger(super().get_logger(), self.terminal)
 
     def refused(self, reason: str) -> None:
-        """Tell of a request or message that was refused, at most once a second."""
+        """Log that a request or message was refused; in a flood of them, one a second."""
         line = self._refusals.line(reason)
         if line is not None:
             self.get_logger().warning(line)

@@ -26,7 +26,7 @@ from pga_me_ros.tasks.registry import task_spec
 AT_A_TIME = 2
 """Requests to one service that may be under way: a server keeps ten, and the run needs some of them."""
 
-STALL = 300.0
+STALL = 200.0
 """Seconds after which a request that is not answered means that its node stalls. Of two messages of tens of megabytes
 that reach a process at once Fast DDS drops pieces, and repairs them at the pace of its heartbeats, every three seconds:
 one such request took 81 s beside other work, while the node answered everybody else."""

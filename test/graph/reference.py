@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -31,26 +30,22 @@ NOT_SETTINGS = ("evaluators", "serve", "run_dir")
 
 def search_digest(**parameters: Any) -> str:
     """Return the digest of the archive that `core.search` ends with; `parameters` are added to `TINY`."""
-    return _searched(_values(parameters))[0]
+    return _searched(run_settings(**parameters))[0]
 
 
 def search_metrics(**parameters: Any) -> list[Metrics]:
     """Return the metrics of every generation of such a search."""
-    return _searched(_values(parameters))[1]
+    return _searched(run_settings(**parameters))[1]
 
 
-def _values(parameters: Mapping[str, Any]) -> tuple[tuple[str, Any], ...]:
-    values = {
-        name: tuple(value) if isinstance(value, list) else value
-        for name, value in {**TINY, **parameters}.items()
-        if name not in NOT_SETTINGS
-    }
-    return tuple(sorted(values.items()))
+def run_settings(**parameters: Any) -> Settings:
+    """Return the settings of a run; `parameters` of the orchestrator are added to `TINY`."""
+    values = {**TINY, **parameters}
+    return Settings.from_mapping({n: v for n, v in values.items() if n not in NOT_SETTINGS})
 
 
 @cache
-def _searched(values: tuple[tuple[str, Any], ...]) -> tuple[str, list[Metrics]]:
-    settings = Settings.from_mapping(dict(values))
+def _searched(settings: Settings) -> tuple[str, list[Metrics]]:
     task = load_task(settings.task)()
     search = Search(task.spec, settings)
     try:

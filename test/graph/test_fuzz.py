@@ -5,13 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 from fuzzer import Fuzzer
-from graph import TINY, Graph, Probe, wait_until
+from graph import Graph, Probe, wait_until
 from pga_me_msgs.msg import Progress
 from processes import children
-from reference import NOT_SETTINGS, run_digest, search_digest
+from reference import run_digest, run_settings, search_digest
 from std_srvs.srv import Trigger
 
-from pga_me_ros.core.settings import Settings
 from pga_me_ros.core.storage import Repertoire
 from pga_me_ros.ros import names, qos
 
@@ -24,8 +23,7 @@ def test_whatever_is_sent_a_run_refuses_it_and_is_what_it_would_have_been(
     run_dir = tmp_path / "run"
     run = graph.run(run_dir, evaluations=100_000)
     progress = probe.listen(Progress, names.PROGRESS, qos.LATCHED)
-    settings = {k: v for k, v in TINY.items() if k not in NOT_SETTINGS}
-    fuzzer = Fuzzer(probe, Settings.from_mapping(settings))
+    fuzzer = Fuzzer(probe, run_settings())
     before = children(run_dir)
     fuzzer.fuzz(CASES)
     assert fuzzer.wrong == []

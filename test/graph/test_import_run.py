@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from graph import TINY, Graph
-from reference import NOT_SETTINGS, run_digest
+from graph import Graph
+from reference import run_digest, run_settings
 from stored import SPEC, store
 
 from pga_me_ros.core.run_directory import open_run
 from pga_me_ros.core.search import Search
-from pga_me_ros.core.settings import Settings
 from pga_me_ros.tasks.registry import load_task
 
 PARAMETERS = {"random_init": 10, "evaluations": 30}
@@ -23,8 +22,7 @@ def test_a_run_from_a_repertoire_is_that_of_search_whatever_became_of_its_source
     archive = store(source)
     controllers = archive.parameters[archive.filled]
     assert 10 < len(controllers) <= 20, "one more generation than random_init alone"
-    values = {n: v for n, v in {**TINY, **PARAMETERS}.items() if n not in NOT_SETTINGS}
-    settings = Settings.from_mapping(values)
+    settings = run_settings(**PARAMETERS)
 
     # A run that was stopped before its first generation, and whose source is gone.
     from_source = settings.replace(start_from=str(source))

@@ -7,11 +7,10 @@ from itertools import cycle
 from pathlib import Path
 
 from fuzz_targets import World, snapshot_target
-from graph import TINY, Graph, Probe, wait_until
+from graph import Graph, Probe, wait_until
 from pga_me_msgs.msg import CriticSnapshot, Metrics, Progress
-from reference import NOT_SETTINGS, run_digest, search_digest
+from reference import run_digest, run_settings, search_digest
 
-from pga_me_ros.core.settings import Settings
 from pga_me_ros.ros import names, qos
 from pga_me_ros.tasks.registry import task_spec
 
@@ -26,7 +25,7 @@ def test_a_snapshot_of_another_system_is_dropped_by_whoever_hears_it(
     stray = probe.node.create_publisher(CriticSnapshot, names.SNAPSHOT, qos.LATCHED)
     run = graph.run(tmp_path / "run", evaluations=EVALUATIONS)
     wait_until(lambda: any(p.run_id for p in progress), "the run's id")
-    settings = Settings.from_mapping({k: v for k, v in TINY.items() if k not in NOT_SETTINGS})
+    settings = run_settings()
     world = World(progress[-1].run_id, task_spec(settings.task), settings, "", (), "", ())
     sound = snapshot_target(world).sound
     pause = threading.Event()

@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from graph import TINY, Graph, Probe, wait_until
+from graph import Graph, Probe, wait_until
 from pga_me_msgs.msg import CriticSnapshot
 from pga_me_msgs.srv import Propose
+from reference import run_settings
 
 from pga_me_ros.core.pg_variation import pg_variation
 from pga_me_ros.core.policy import controller_shape, critic_shape, random_critic, random_parameters
@@ -21,9 +22,7 @@ from pga_me_ros.ros.convert import flat, rates_to_msg, snapshot_to_msg
 from pga_me_ros.tasks.registry import task_spec
 
 SPEC = task_spec("qd_hopper")
-NOT_SETTINGS = ("evaluators", "serve")
-VALUES = {name: value for name, value in TINY.items() if name not in NOT_SETTINGS}
-PGA = Settings.from_mapping({**VALUES, "task": SPEC.name})
+PGA = run_settings(task=SPEC.name)
 QD_RL = PGA.replace(algorithm="qd_rl", n_evo=Settings.n_evo)
 SHAPE, CRITIC = controller_shape(SPEC, PGA), critic_shape(SPEC, PGA)
 RNG = np.random.default_rng(0)
