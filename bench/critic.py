@@ -1,7 +1,8 @@
 """300 critic steps of Table 1 against a plain torch TD3 loop, and against the arithmetic limit.
 
 Run: `.venv/bin/python bench/critic.py [--rounds 5] [--threads 1]`; the last line is JSON. Every
-figure is a ratio of two things measured in turn (A B A B ...) in this process.
+figure is a ratio of two things measured in turn (A B A B ...) in this process. `two_workers` is the
+speed with the second critic on a thread of its own, against one thread.
 """
 
 from __future__ import annotations
@@ -141,24 +142,30 @@ def main() -> None:
     spec, settings = WalkerDimensions(), Settings(torch_threads=arguments.threads)
     torch.set_num_threads(arguments.threads)
     replay = filled_replay(spec, arguments.transitions)
-    ours, textbook = CriticTrainer(spec, settings), TextbookTd3(spec, settings, replay)
-    warm_up = settings.replace(n_crit=20)
-    ours.train(replay, warm_up, 0)
+    ours, together = (CriticTrainer(spec, settings, workers) for workers in (1, 2))
+    textbook = TextbookTd3(spec, settings, replay)
+    for trainer in (ours, together):
+        trainer.train(replay, settings.replace(n_crit=20), 0)
     operations = needed_operations(spec, settings) * settings.n_crit
-    speedups, shares, textbook_shares = [], [], []
+    speedups, shares, textbook_shares, of_two = [], [], [], []
     for generation in range(1, arguments.rounds + 1):
         rate_before = product_rate()
         a = seconds(lambda g=generation: ours.train(replay, settings, g))  # type: ignore[misc]
         rate = (rate_before + product_rate()) / 2
         b = seconds(textbook.train)
+        c = seconds(lambda g=generation: together.train(replay, settings, g))  # type: ignore[misc]
+        of_two.append(a / c)
         speedups.append(b / a)
         shares.append(operations / a / rate)
         textbook_shares.append(operations / b / rate)
-        print(f"ours {a:.2f} s, textbook {b:.2f} s, matrix products {rate / 1e9:.0f} GFLOP/s")
+        print(
+            f"ours {a:.2f} s, with two workers {c:.2f} s, textbook {b:.2f} s, matrix products {rate / 1e9:.0f} GFLOP/s"
+        )
     figures = {
         "speedup_over_textbook": spread(speedups),
         "share_of_product_rate": spread(shares),
         "textbook_share_of_product_rate": spread(textbook_shares),
+        "two_workers": spread(of_two),
     }
     for name, values in figures.items():
         print(f"{name:32} {values['median']:.2f}  ({values['min']:.2f} to {values['max']:.2f})")

@@ -5,21 +5,24 @@ generations of the same seed in turn (A B A B ...), and must end with the same r
 QDWalker with its short first episodes, `late` QDHalfCheetah with 1000 steps in each.
 
 The shares are of the core time of the graph's generations. Physics, the Python around it, critic training, PG variation
-and the archive take what they take in one process, where calls are timed. What no process used is waiting. What the
-graph's processes used beyond all that is messages: serialising, copying, storing experience, waking up.
+and the archive take what they take in one process, where calls are timed, while a second process does the same on the
+other core, because two busy cores share caches and memory. How much slower each is than one alone is printed, too: no
+program can bring a generation below half of that. What no process used is waiting. What the graph's processes used
+beyond all that is messages: serialising, copying, storing experience, waking up.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import multiprocessing
 import os
 import signal
 import statistics
 import subprocess
 import tempfile
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -109,6 +112,20 @@ def run_search(part: Part, seed: int) -> Measured:
     return Measured(seconds[part.skipped :], watch.seconds, search.archive.digest())
 
 
+def run_search_beside_another(part: Part, seed: int) -> Measured:
+    """Do the generations in this process while another one does more of the same."""
+    longer = replace(part, generations=10 * part.generations)
+    other = multiprocessing.get_context("spawn").Process(
+        target=run_search, args=(longer, seed), daemon=True
+    )
+    other.start()
+    try:
+        return run_search(part, seed)
+    finally:
+        other.kill()
+        other.join()
+
+
 def run_graph(part: Part, seed: int) -> Measured:
     """Do the generations with the graph."""
     settings = settings_of(part, seed)
@@ -148,13 +165,13 @@ def wait_for_generation(process: subprocess.Popen[bytes], file: Path, generation
         time.sleep(0.1)
 
 
-def shares(alone: Measured, graph: Measured) -> dict[str, float]:
+def shares(busy: Measured, graph: Measured) -> dict[str, float]:
     """Divide the core time of the graph's generations between the parts of the work."""
     available = CORES * sum(graph.seconds)
     used = sum(graph.cores.values())
     parts = {
-        **alone.cores,
-        "messages": used - sum(alone.cores.values()),
+        **busy.cores,
+        "messages": used - sum(busy.cores.values()),
         "waiting": available - used,
     }
     return {part: seconds / available for part, seconds in parts.items()}
@@ -162,24 +179,28 @@ def shares(alone: Measured, graph: Measured) -> dict[str, float]:
 
 def measure(name: str, part: Part, rounds: int) -> dict[str, Any]:
     """Compare one part; print and return its figures."""
-    ratios, divided, times = [], [], []
+    ratios, slower, divided, times = [], [], [], []
     for seed in range(1, rounds + 1):
         alone, graph = run_search(part, seed), run_graph(part, seed)
+        busy = run_search_beside_another(part, seed)
         if alone.digest != graph.digest:
             raise SystemExit(
                 f"{name}, seed {seed}: the graph's repertoire differs from the search's"
             )
         ratios.append(sum(graph.seconds) / sum(alone.seconds))
-        divided.append(shares(alone, graph))
+        slower.append(sum(busy.seconds) / sum(alone.seconds))
+        divided.append(shares(busy, graph))
         times.append(statistics.mean(graph.seconds))
         print(
-            f"{name} seed {seed}: one process {sum(alone.seconds):.1f} s, graph {sum(graph.seconds):.1f} s; "
+            f"{name} seed {seed}: one process {sum(alone.seconds):.1f} s, beside another "
+            f"{sum(busy.seconds):.1f} s, graph {sum(graph.seconds):.1f} s; "
             f"core seconds by process { ({k: round(v, 1) for k, v in graph.cores.items()}) }",
             flush=True,
         )
     share = {k: round(statistics.median(d[k] for d in divided), 3) for k in divided[0]}
     figures: dict[str, Any] = {
         "time_of_one_process": spread(ratios),
+        "one_process_beside_another": spread(slower),
         "share": share,
         "core_seconds_per_generation": {
             k: round(v * CORES * statistics.median(times), 3) for k, v in share.items()

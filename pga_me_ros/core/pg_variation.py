@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from torch import Tensor
 
 from pga_me_ros.core.errors import NetworkError
 from pga_me_ros.core.policy import MlpShape, Vector
-from pga_me_ros.core.torch_nets import FlatAdam, MlpStack, choose_device, torch_threads
+from pga_me_ros.core.torch_nets import FlatAdam, choose_device, torch_threads
+from pga_me_ros.core.value_ascent import ValueAscent
 
 Float32Array = NDArray[np.float32]
 
@@ -102,41 +102,25 @@ class _Climber:
     """
 
     def __init__(self, problem: _Problem, critic: Vector, size: int, rows: int) -> None:
-        controllers, critics = problem.controller_shape, problem.critic_shape
         self._device = problem.device
         self._learning_rate = problem.learning_rate
-        self._obs_dim = controllers.sizes[0]
-
-        def zeros(*shape: int) -> Tensor:
-            return torch.zeros(shape, device=problem.device)
-
-        self._controllers = MlpStack(
-            controllers, zeros(size, controllers.parameter_count), rows, tanh=True
-        )
+        count = problem.controller_shape.parameter_count
+        self._controllers = torch.zeros((size, count), device=problem.device)
         # All follow the same critic; repeated so that a batched product takes them side by side.
         q1 = torch.from_numpy(critic.copy()).to(problem.device).repeat(size, 1)
-        self._critic = MlpStack(critics, q1, rows, tanh=False)
-        self._adam = FlatAdam(self._controllers.parameters)
-        self._critic_input = zeros(size, rows, critics.sizes[0])
-        self._action_gradient = zeros(size, rows, controllers.sizes[-1])
-        self._per_row = torch.full((1, rows, 1), 1.0 / rows, device=problem.device)
+        self._ascent = ValueAscent(
+            self._controllers, problem.controller_shape, q1, problem.critic_shape, rows
+        )
+        self._adam = FlatAdam(self._controllers)
 
     def climb(self, parents: Float32Array, batches: Float32Array) -> Float32Array:
         """Return (E, P) offspring of (E, P) parents for batches (E or 1, n_grad, N, obs_dim)."""
-        self._controllers.parameters.copy_(torch.from_numpy(parents.copy()))
+        self._controllers.copy_(torch.from_numpy(parents.copy()))
         self._adam.reset()
         for states in torch.from_numpy(batches).to(self._device).unbind(1):
-            self._step(states)
-        return self._controllers.parameters.cpu().numpy()
-
-    def _step(self, states: Tensor) -> None:
-        """Go one step up the gradient of mean Q1(s, pi(s)) for states (E or 1, N, obs_dim)."""
-        self._critic_input[:, :, : self._obs_dim] = states
-        self._critic_input[:, :, self._obs_dim :] = self._controllers.forward(states)
-        self._critic.forward(self._critic_input)
-        self._critic.input_gradient(self._per_row, self._obs_dim, out=self._action_gradient)
-        self._controllers.backward(states, self._action_gradient)
-        self._adam.step(self._controllers.gradient, self._learning_rate, maximize=True)
+            self._ascent.climb(states)
+            self._adam.step(self._ascent.gradient, self._learning_rate, maximize=True)
+        return self._controllers.cpu().numpy()
 
 
 def _check(parents: Float32Array, critic: Vector, states: Float32Array, problem: _Problem) -> None:

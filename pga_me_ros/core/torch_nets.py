@@ -8,8 +8,7 @@ buffers that stay, and each caller asks for what it needs.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Iterator
 from contextlib import contextmanager
 
 import torch
@@ -18,9 +17,6 @@ from torch.optim.adam import adam
 
 from pga_me_ros.core.errors import SettingsError
 from pga_me_ros.core.policy import MlpShape
-
-ALL = slice(None)
-"""All networks of a stack."""
 
 ADAM_BETA1 = 0.9
 ADAM_BETA2 = 0.999
@@ -72,51 +68,33 @@ class MlpStack:
             them.
         rows: N, inputs per batch.
         tanh: Whether the output goes through tanh (controllers) or is linear (critics).
-        pool: Threads for the second network and those after it, which changes no bit of the results; None computes all
-            in the caller's.
     """
 
-    def __init__(
-        self,
-        shape: MlpShape,
-        parameters: Tensor,
-        rows: int,
-        *,
-        tanh: bool,
-        pool: ThreadPoolExecutor | None = None,
-    ) -> None:
+    def __init__(self, shape: MlpShape, parameters: Tensor, rows: int, *, tanh: bool) -> None:
         """Make the views of the tensors and the buffers."""
-        self._pool = pool if len(parameters) > 1 else None
         self.shape = shape
         self.parameters = parameters
         self.gradient = torch.zeros_like(parameters)
         self._tanh = tanh
         self._weights, self._biases = _layer_views(shape, parameters)
+        # Views are made once: each takes a microsecond, and there would be dozens per gradient step.
+        self._weights_transposed = [w.transpose(1, 2) for w in self._weights]
         self._weight_gradients, self._bias_gradients = _layer_views(shape, self.gradient)
         self._signals = [parameters.new_empty((len(parameters), rows, n)) for n in shape.sizes[1:]]
         self._deltas = [torch.empty_like(signal) for signal in self._signals]
+        self._deltas_transposed = [d.transpose(1, 2) for d in self._deltas]
 
     def forward(self, inputs: Tensor) -> Tensor:
         """Return the outputs (E, N, n_out) for inputs (E or 1, N, n_in)."""
-        inputs = inputs.expand(len(self.parameters), -1, -1)
-        self._for_each(lambda part: self._forward_hidden(inputs, part))
-        out = self._signals[-1]
-        # Of all networks at once: a product of a matrix and a vector rounds otherwise alone than in a batch.
-        torch.bmm(self._below(-1, inputs, ALL), self._weights[-1].transpose(1, 2), out=out)
-        out.add_(self._biases[-1])
-        return out.tanh_() if self._tanh else out
-
-    def _forward_hidden(self, inputs: Tensor, part: slice) -> None:
-        for layer, signal in enumerate(self._signals[:-1]):
-            out = signal[part]
-            below = self._below(layer, inputs, part)
-            torch.bmm(below, self._weights[layer][part].transpose(1, 2), out=out)
-            out.add_(self._biases[layer][part]).relu_()
-
-    def _below(self, layer: int, inputs: Tensor, part: slice) -> Tensor:
-        """Return what a layer gets: the signals of the one before, or the inputs."""
-        layer %= len(self._signals)
-        return (self._signals[layer - 1] if layer else inputs)[part]
+        signal, last = self._for_all(inputs), self._signals[-1]
+        for weights, biases, out in zip(
+            self._weights_transposed, self._biases, self._signals, strict=True
+        ):
+            torch.bmm(signal, weights, out=out)
+            signal = out.add_(biases)
+            if out is not last:
+                out.relu_()
+        return last.tanh_() if self._tanh else last
 
     def backward(self, inputs: Tensor, output_gradient: Tensor) -> None:
         """Fill `gradient` (E, P) by backpropagation through the last `forward`.
@@ -125,28 +103,16 @@ class MlpStack:
             inputs: (E or 1, N, n_in), the inputs of that call.
             output_gradient: (E or 1, N, n_out), derivative of the objective by the outputs.
         """
-        inputs = inputs.expand(len(self.parameters), -1, -1)
+        below = [self._for_all(inputs), *self._signals[:-1]]
         self._output_delta(output_gradient)
-        self._for_each(lambda part: self._backward(inputs, part))
-
-    def _backward(self, inputs: Tensor, part: slice) -> None:
-        delta = self._deltas[-1][part]
         for layer in reversed(range(len(self._weights))):
-            below = self._below(layer, inputs, part)
-            torch.bmm(delta.transpose(1, 2), below, out=self._weight_gradients[layer][part])
-            torch.sum(delta, 1, keepdim=True, out=self._bias_gradients[layer][part])
+            delta = self._deltas[layer]
+            torch.bmm(
+                self._deltas_transposed[layer], below[layer], out=self._weight_gradients[layer]
+            )
+            torch.sum(delta, 1, keepdim=True, out=self._bias_gradients[layer])
             if layer:
-                delta = self._delta_below(layer, delta, part)
-
-    def _for_each(self, work: Callable[[slice], None]) -> None:
-        """Do something for all networks: at once, or for each in a thread of its own."""
-        if self._pool is None:
-            work(ALL)
-            return
-        others = [self._pool.submit(work, slice(e, e + 1)) for e in range(1, len(self.parameters))]
-        work(slice(0, 1))
-        for other in others:
-            other.result()
+                self._delta_below(layer)
 
     def input_gradient(self, output_gradient: Tensor, first: int, out: Tensor) -> Tensor:
         """Return the derivative by the inputs from column `first` on, and no other.
@@ -156,25 +122,32 @@ class MlpStack:
             first: First input column wanted.
             out: (E, N, n_in - first) to write to.
         """
-        delta = self._output_delta(output_gradient)
+        self._output_delta(output_gradient)
         for layer in reversed(range(1, len(self._weights))):
-            delta = self._delta_below(layer, delta, ALL)
-        return torch.bmm(delta, self._weights[0][:, :, first:], out=out)
+            self._delta_below(layer)
+        return torch.bmm(self._deltas[0], self._weights[0][:, :, first:], out=out)
 
-    def _output_delta(self, output_gradient: Tensor) -> Tensor:
-        delta = self._deltas[-1]
+    def _for_all(self, rows: Tensor) -> Tensor:
+        """Return (E, N, n) for (E or 1, N, n)."""
+        every = len(self.parameters)
+        return rows if len(rows) == every else rows.expand(every, -1, -1)
+
+    def _output_delta(self, output_gradient: Tensor) -> None:
         if self._tanh:
-            torch.square(self._signals[-1], out=delta)
-            return delta.neg_().add_(1.0).mul_(output_gradient)
-        return delta.copy_(output_gradient)
+            gradient = self._for_all(output_gradient)
+            torch.ops.aten.tanh_backward.grad_input(
+                gradient, self._signals[-1], grad_input=self._deltas[-1]
+            )
+        else:
+            self._deltas[-1].copy_(output_gradient)
 
-    def _delta_below(self, layer: int, delta: Tensor, part: slice) -> Tensor:
-        below = self._deltas[layer - 1][part]
-        torch.bmm(delta, self._weights[layer][part], out=below)
+    def _delta_below(self, layer: int) -> None:
+        below = self._deltas[layer - 1]
+        torch.bmm(self._deltas[layer], self._weights[layer], out=below)
         # The rectifier's own backward kernel: masking with a comparison takes ten times as long on
         # a CPU.
-        return torch.ops.aten.threshold_backward.grad_input(
-            below, self._signals[layer - 1][part], 0.0, grad_input=below
+        torch.ops.aten.threshold_backward.grad_input(
+            below, self._signals[layer - 1], 0.0, grad_input=below
         )
 
 

@@ -29,6 +29,9 @@ from pga_me_ros.ros.parameters import declare_run
 from pga_me_ros.ros.process import run_node
 from pga_me_ros.tasks.registry import task_spec
 
+CRITICS = 2
+"""Threads that can train side by side: one for each critic."""
+
 
 class CriticTrainerNode(GraphNode):
     """Owns replay buffer, critics and greedy controller; trains in a thread while it goes on listening."""
@@ -39,7 +42,8 @@ class CriticTrainerNode(GraphNode):
         self._run_id = require_run(options, "critic_trainer")
         self._spec = task_spec(self._settings.task)
         run_dir = Path(options["run_dir"])
-        self._learner = DurableLearner(self._spec, self._settings, run_dir, workers=_threads())
+        workers = min(os.cpu_count() or 1, CRITICS)
+        self._learner = DurableLearner(self._spec, self._settings, run_dir, workers)
         self._training: TrainingOrder | None = None
         self._fault = ""
         self._snapshots = self.create_publisher(CriticSnapshot, names.SNAPSHOT, qos.LATCHED)
@@ -155,11 +159,6 @@ class CriticTrainerNode(GraphNode):
 
     def _publish(self, snapshot: Snapshot) -> None:
         self._snapshots.publish(snapshot_to_msg(snapshot, self._run_id))
-
-
-def _threads() -> int:
-    """Return how many threads train: two cost more core time than one, and two cores have other work as well."""
-    return 2 if (os.cpu_count() or 1) > 2 else 1
 
 
 PROGRAM = Program(

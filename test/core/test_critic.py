@@ -274,3 +274,39 @@ def test_greedy_controller_finds_the_optimum_of_a_quadratic_reward():
     controller = Controller(trainer.greedy_shape, trainer.greedy_parameters())
     for state in (-0.8, -0.3, 0.0, 0.5, 0.9):
         assert abs(controller(np.float32([state]))[0] - 0.5 * state) < 0.05
+
+
+@pytest.mark.parametrize("rows", [1, 2, 3])
+def test_batches_of_a_few_transitions_train(rows):
+    settings = SETTINGS.replace(transition_batch=rows)
+    alone, together = (CriticTrainer(Robot(), settings, workers) for workers in (1, 2))
+    for trainer in (alone, together):
+        trainer.train(filled_replay(), settings, 1)
+    assert_same_bits(alone, together)
+    assert alone.state()["greedy_steps"] == 5
+
+
+@pytest.mark.parametrize("period", [1, 2, 3, 7, 50])
+def test_training_may_be_divided_anywhere(period):
+    """TD3 trains for one step per step of the robot: what a training ends with depends on the steps alone."""
+    settings = SETTINGS.replace(target_period=period)
+
+    class Constant:
+        """One batch of transitions, whatever is drawn."""
+
+        def __init__(self):
+            self._rows = filled_replay().rows(np.arange(16))
+
+        def sample_indices(self, rng, n):
+            return np.arange(n)
+
+        def rows(self, indices, out=None):
+            out[:] = self._rows
+            return out
+
+    still = settings.replace(smoothing_sigma=0.0)
+    whole, divided = (CriticTrainer(Robot(), still) for _ in range(2))
+    whole.train(Constant(), still, 1, range(1, 31))
+    for steps in (range(1, 2), range(2, 6), range(6, 20), range(20, 31)):
+        divided.train(Constant(), still, 1, steps)
+    assert_same_bits(whole, divided)

@@ -1,0 +1,37 @@
+"""A few pieces of work at a time, each on a thread of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+
+import torch
+
+
+class SideBySide:
+    """Does pieces of torch work side by side, or one after the other, with the same outcome.
+
+    Args:
+        workers: Threads, that of the caller included.
+        torch_threads: Threads of each matrix product; torch keeps that number per thread.
+    """
+
+    def __init__(self, workers: int, torch_threads: int) -> None:
+        """Prepare the threads; they start with the first work."""
+
+        def prepare() -> None:
+            torch.set_num_threads(torch_threads)
+            torch.set_grad_enabled(False)
+
+        self._pool = ThreadPoolExecutor(workers - 1, initializer=prepare) if workers > 1 else None
+
+    def __call__(self, *works: Callable[[], None]) -> None:
+        """Do all works, which must not touch what another one writes, and wait for their end."""
+        if self._pool is None:
+            for work in works:
+                work()
+            return
+        others = [self._pool.submit(work) for work in works[1:]]
+        works[0]()
+        for other in others:
+            other.result()

@@ -1,0 +1,63 @@
+"""One batch of transitions on its way through a critic training step."""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+
+from pga_me_ros.core.replay import TransitionSource
+from pga_me_ros.core.settings import Settings
+
+
+class TrainingBatch:
+    """N transitions with all that the training on them needs, in memory that stays.
+
+    Args:
+        rows: N.
+        obs_dim: Numbers per state.
+        act_dim: Numbers per action.
+        device: Where torch computes.
+
+    Attributes:
+        states: (1, N, obs_dim).
+        inputs: (1, N, obs_dim + act_dim), states and actions.
+        next_states: (1, N, obs_dim).
+        next_inputs: (1, N, obs_dim + act_dim), next states; the next actions are filled in later.
+        next_actions: (N, act_dim), those places.
+        rewards: (N, 1).
+        not_done: (N, 1).
+        noise: (N, act_dim), the smoothing noise epsilon.
+        y: (N, 1), what the critics should return; filled in later.
+    """
+
+    def __init__(self, rows: int, obs_dim: int, act_dim: int, device: torch.device) -> None:
+        """Reserve the memory; on a CPU, NumPy and torch share it."""
+        both = obs_dim + act_dim
+        self._rows = np.zeros((rows, both + obs_dim + 2), np.float32)
+        self._noise = np.zeros((rows, act_dim), np.float32)
+        self._tensor = torch.from_numpy(self._rows).to(device)
+        self.noise = torch.from_numpy(self._noise).to(device)
+        self.states = self._tensor[None, :, :obs_dim]
+        self.inputs = self._tensor[None, :, :both]
+        self.next_states = self._tensor[None, :, both:-2]
+        self.rewards = self._tensor[:, -2:-1]
+        self.not_done = self._tensor[:, -1:]
+        self.next_inputs = torch.zeros((1, rows, both), device=device)
+        states, actions = self.next_inputs.split([obs_dim, act_dim], dim=2)
+        self._next_input_states, self.next_actions = states, actions[0]
+        self.y = torch.zeros((rows, 1), device=device)
+
+    def draw(self, replay: TransitionSource, rng: np.random.Generator, rates: Settings) -> None:
+        """Draw transitions and smoothing noise (Alg. 4, lines 3-4).
+
+        Raises:
+            PgaError: The replay buffer is empty.
+        """
+        replay.rows(replay.sample_indices(rng, len(self._rows)), out=self._rows)
+        rng.standard_normal(dtype=np.float32, out=self._noise)
+        np.multiply(self._noise, np.float32(rates.smoothing_sigma), out=self._noise)
+        np.clip(self._noise, -rates.smoothing_clip, rates.smoothing_clip, out=self._noise)
+        if self._tensor.device.type != "cpu":
+            self._tensor.copy_(torch.from_numpy(self._rows))
+            self.noise.copy_(torch.from_numpy(self._noise))
+        self._next_input_states.copy_(self.next_states)
