@@ -9,6 +9,7 @@ last bit where NumPy has a vectorised one; sine and cosine do not) and products 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -31,7 +32,7 @@ class Heading:
         self._velocity = np.zeros(3)
 
     def __call__(
-        self, xs: list[float], ys: list[float], yaw: float, velocity: Vector
+        self, xs: Sequence[float], ys: Sequence[float], yaw: float, velocity: Vector
     ) -> tuple[float, list[float]]:
         """Return the potential, whose change is the progress, and five entries of the observation.
 

@@ -8,12 +8,14 @@ floats, which on this few numbers is several times faster than arrays.
 from __future__ import annotations
 
 import math
+from operator import itemgetter
 from typing import ClassVar
 
 import numpy as np
 
 from pga_me_ros.core.errors import TaskError
 from pga_me_ros.tasks.body import Body
+from pga_me_ros.tasks.coincidence import places_of
 from pga_me_ros.tasks.heading import Heading, Vector
 from pga_me_ros.tasks.protocol import Float32Array, Float64Array, NonFiniteActionError
 from pga_me_ros.tasks.robots import (
@@ -177,7 +179,12 @@ class LocomotionTask:
         self._contact_indices = [world.links[name] for name in self.robot.contact_links]
         # The mean position adds the torso second: that is where the engine's list of parts has it.
         first, *others = (index for index in world.links.values() if index != world.torso)
-        self._part_links = [first, *([] if world.torso < 0 else [world.torso]), *others]
+        parts = [first, world.torso, *others]
+        places = places_of(world, parts)
+        # The torso's place is read anyway, with its velocity.
+        self._read_links = sorted(set(places) - {world.torso})
+        order = [world.torso, *self._read_links]
+        self._pick_parts = itemgetter(*(order.index(place) for place in places))
         self._diverged = False
 
     def _torques(self, commands: list[float]) -> list[float]:
@@ -232,16 +239,13 @@ class LocomotionTask:
         position, orientation = pybullet.getBasePositionAndOrientation(world.robot, world.client)
         return position, orientation, pybullet.getBaseVelocity(world.robot, world.client)[0]
 
-    def _part_positions(self, torso: Vector) -> tuple[list[float], list[float]]:
+    def _part_positions(self, torso: Vector) -> tuple[tuple[float, ...], tuple[float, ...]]:
         """Return x and y of the robot's parts, m, in the engine's order."""
         world = self._world
-        links = self._pybullet.getLinkStates(world.robot, self._part_links, 0, 0, world.client)
-        xs = [link[0][0] for link in links]
-        ys = [link[0][1] for link in links]
-        if world.torso < 0:
-            xs.insert(1, torso[0])
-            ys.insert(1, torso[1])
-        return xs, ys
+        links = self._pybullet.getLinkStates(world.robot, self._read_links, 0, 0, world.client)
+        xs = [torso[0], *[link[0][0] for link in links]]
+        ys = [torso[1], *[link[0][1] for link in links]]
+        return self._pick_parts(xs), self._pick_parts(ys)
 
     def _electricity(self, commands: list[float], speeds: list[float]) -> float:
         """Return the cost of driving the motors, both means in float32 as the engine takes them.

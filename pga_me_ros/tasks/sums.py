@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import struct
+from collections.abc import Sequence
 from operator import add
 
 import numpy as np
@@ -11,7 +12,7 @@ import numpy as np
 _EIGHT, _FOUR = struct.Struct("8f"), struct.Struct("4f")
 
 
-def pairwise_sum(values: list[float]) -> float:
+def pairwise_sum(values: Sequence[float]) -> float:
     """Return the sum of float64 numbers, added in the order of ``numpy.sum``.
 
     Args:

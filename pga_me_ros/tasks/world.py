@@ -17,6 +17,7 @@ class World:
         client: Id of the physics client.
         floor: Body id of the floor.
         robot: Body id of the robot.
+        joint_count: Number of joints, fixed ones included.
         joints: Indices of the actuated joints, ascending.
         joint_limits: Lower and upper limit of each actuated joint, rad.
         links: Link index by name.
@@ -65,6 +66,24 @@ class World:
         pybullet.performCollisionDetection(client)
         for joint, position in zip(self.joints, positions, strict=True):
             pybullet.resetJointState(robot, joint, position, 0.0, client)
+
+    def pose(self, positions: list[float]) -> None:
+        """Put all joints somewhere, those that are no motor included; for looks, not for episodes.
+
+        Args:
+            positions: Position of each of `joint_count` joints, rad or m.
+        """
+        for joint, position in enumerate(positions):
+            self._pybullet.resetJointState(self.robot, joint, position, 0.0, self.client)
+
+    def place(self, link: int) -> tuple[float, float]:
+        """Return x and y of a link's centre of mass, m; -1 is the base."""
+        pybullet = self._pybullet
+        if link < 0:
+            x, y, _ = pybullet.getBasePositionAndOrientation(self.robot, self.client)[0]
+        else:
+            x, y, _ = pybullet.getLinkState(self.robot, link, 0, 1, self.client)[0]
+        return x, y
 
     def close(self) -> None:
         """Disconnect; a second call does nothing."""
@@ -115,7 +134,8 @@ class World:
         self.joints: list[int] = []
         self.joint_limits: list[tuple[float, float]] = []
         names = []
-        for index in range(self._pybullet.getNumJoints(self.robot, self.client)):
+        self.joint_count: int = self._pybullet.getNumJoints(self.robot, self.client)
+        for index in range(self.joint_count):
             info = self._pybullet.getJointInfo(self.robot, index, self.client)
             name, lower, upper = info[1].decode(), info[8], info[9]
             self.links[info[12].decode()] = index
@@ -134,7 +154,7 @@ class World:
 
     def _release_motors(self) -> None:
         """Take the force from the motors that PyBullet gives every joint; torques drive it."""
-        for index in range(self._pybullet.getNumJoints(self.robot, self.client)):
+        for index in range(self.joint_count):
             self._pybullet.setJointMotorControl2(
                 self.robot,
                 index,
