@@ -29,6 +29,7 @@ class Heading:
         """Make the arrays."""
         self._offset = np.zeros(2)
         self._rotation = np.diag((0.0, 0.0, 1.0))
+        self._entries = self._rotation.reshape(-1)
         self._velocity = np.zeros(3)
 
     def __call__(
@@ -53,12 +54,12 @@ class Heading:
             turned = [velocity[0] + 0.0, velocity[1] + 0.0, velocity[2] + 0.0]
             return -ahead / CONTROL_PERIOD, [0.0, 1.0, *turned]
         aside = 0.0 - pairwise_sum(ys) / count
-        offset, rotation, speed = self._offset, self._rotation, self._velocity
+        offset, entries, speed = self._offset, self._entries, self._velocity
         offset[0], offset[1] = aside, ahead
         potential = -math.sqrt(offset.dot(offset)) / CONTROL_PERIOD
         angle = float(np.arctan2(aside, ahead)) - yaw
-        rotation[0, 0] = rotation[1, 1] = math.cos(-yaw)
-        rotation[0, 1] = -math.sin(-yaw)
-        rotation[1, 0] = math.sin(-yaw)
+        entries[0] = entries[4] = math.cos(-yaw)
+        entries[3] = sine = math.sin(-yaw)
+        entries[1] = -sine
         speed[0], speed[1], speed[2] = velocity
-        return potential, [math.sin(angle), math.cos(angle), *rotation.dot(speed).tolist()]
+        return potential, [math.sin(angle), math.cos(angle), *self._rotation.dot(speed).tolist()]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from operator import add
 
 import numpy as np
@@ -29,17 +29,11 @@ def pairwise_sum(values: Sequence[float]) -> float:
         for value in values:
             total += value
         return total
-    a, b, c, d, e, f, g, h = values[:8]
     whole = count - count % 8
+    sums: Iterable[float] = values[:8]
     for i in range(8, whole, 8):
-        a += values[i]
-        b += values[i + 1]
-        c += values[i + 2]
-        d += values[i + 3]
-        e += values[i + 4]
-        f += values[i + 5]
-        g += values[i + 6]
-        h += values[i + 7]
+        sums = map(add, sums, values[i : i + 8])
+    a, b, c, d, e, f, g, h = sums
     total = ((a + b) + (c + d)) + ((e + f) + (g + h))
     for i in range(whole, count):
         total += values[i]
