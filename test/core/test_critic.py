@@ -10,7 +10,7 @@ import pytest
 import torch
 
 from pga_me_ros.core.checkpoint import load_checkpoint, save_checkpoint
-from pga_me_ros.core.critic import CriticTrainer
+from pga_me_ros.core.critic import BLOCK, CriticTrainer, blocks
 from pga_me_ros.core.errors import NetworkError, PgaError, SettingsError, StorageError
 from pga_me_ros.core.policy import Controller, random_parameters
 from pga_me_ros.core.replay import ReplayBuffer
@@ -310,3 +310,12 @@ def test_training_may_be_divided_anywhere(period):
     for steps in (range(1, 2), range(2, 6), range(6, 20), range(20, 31)):
         divided.train(Constant(), still, 1, steps)
     assert_same_bits(whole, divided)
+
+
+@pytest.mark.parametrize("period", [1, 2, 3, 8, 50])
+@pytest.mark.parametrize("steps", [range(1, 2), range(1, 31), range(7, 120)], ids=str)
+def test_targets_move_after_the_last_step_of_a_block_only(steps, period):
+    found = list(blocks(steps, period))
+    assert [t for block in found for t in block] == list(steps)
+    assert all(len(block) <= BLOCK for block in found)
+    assert not any(t % period == 0 for block in found for t in block[:-1])
