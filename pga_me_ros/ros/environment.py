@@ -19,7 +19,7 @@ WHEEL = "ros-rmw-fastrtps-cpp"
 PROFILES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
 QOS_FROM_PROFILES = "RMW_FASTRTPS_USE_QOS_FROM_XML"
 OUR_PROFILES = Path(__file__).with_name("fastdds.xml")
-"""Lets Fast DDS give back the memory of large messages; it says how."""
+"""Has Fast DDS make room for our messages and give their memory back; it says how."""
 
 LOCAL_NOTE = (
     f"nodes are found on this machine only; for others, export {DISCOVERY_RANGE}=SUBNET on each"
