@@ -15,6 +15,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from pga_me_ros.core.bellman_target import BellmanTarget
 from pga_me_ros.core.errors import NetworkError, StorageError
 from pga_me_ros.core.policy import (
     RobotDimensions,
@@ -28,7 +29,7 @@ from pga_me_ros.core.replay import TransitionSource
 from pga_me_ros.core.rng import Purpose, generator
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.core.side_by_side import SideBySide
-from pga_me_ros.core.torch_nets import FlatAdam, MlpStack, choose_device, torch_threads
+from pga_me_ros.core.torch_nets import FlatAdam, choose_device, torch_threads
 from pga_me_ros.core.training_batch import TrainingBatch
 from pga_me_ros.core.twin_critics import TwinCritics
 from pga_me_ros.core.value_ascent import ValueAscent
@@ -75,18 +76,29 @@ class CriticTrainer:
         greedy = random_parameters(self.greedy_shape, draw(2))[None]
         rows = settings.transition_batch
         self._critics = TwinCritics(
-            self.critic_shape, torch.from_numpy(critics).to(self.device), rows, BLOCK
+            self.critic_shape, torch.from_numpy(critics).to(self.device), rows
         )
         self._greedy = torch.from_numpy(greedy).to(self.device)
         self._greedy_adam = FlatAdam(self._greedy)
-        self._greedy_target = MlpStack(self.greedy_shape, self._greedy.clone(), rows, tanh=True)
-        q1 = self._critics.parts[0].online.parameters[:1]
-        # As many shares of a batch as there are parts: two threads are busy with this, too.
+        self._greedy_target = self._greedy.clone()
+        parts = self._critics.parts
+        # As many as there are parts, so that two threads are busy with these, too.
+        self._targets = [
+            BellmanTarget(
+                self.greedy_shape,
+                self._greedy_target,
+                self.critic_shape,
+                [part.target for part in parts],
+                rows,
+            )
+            for _ in parts
+        ]
+        q1 = parts[0].online.parameters[:1]
         self._ascents = [
             ValueAscent(
                 self._greedy, self.greedy_shape, q1, self.critic_shape, len(share), 1.0 / rows
             )
-            for share in torch.empty(rows).chunk(len(self._critics.parts))
+            for share in torch.empty(rows).chunk(len(parts))
         ]
         self._objectives = self._zeros(len(self._ascents))
         self._batches = [
@@ -145,32 +157,20 @@ class CriticTrainer:
         self, replay: TransitionSource, rates: Settings, rng: np.random.Generator, block: range
     ) -> None:
         """Take steps during which the targets stay as they are (Alg. 4, lines 3-11)."""
-        critics, batches = self._critics.parts, self._batches[: len(block)]
+        batches = self._batches[: len(block)]
         for batch in batches:
             batch.draw(replay, rng, rates)
-            self._choose_next_actions(batch)
-        self._side_by_side(*(partial(part.look_ahead, batches) for part in critics))
-        for i, batch in enumerate(batches):
-            self._bellman_target(batch, self._critics.smaller_next_value(i), rates)
+        works = [
+            partial(target.fill, batches[i :: len(self._targets)], rates)
+            for i, target in enumerate(self._targets)
+        ]
+        self._side_by_side(*works)
         rate = rates.critic_learning_rate
-        self._side_by_side(*(partial(part.descend, batches, rate) for part in critics))
+        parts = self._critics.parts
+        self._side_by_side(*(partial(part.descend, batches, rate) for part in parts))
         if block[-1] % rates.target_period == 0:
             self._update_greedy(batches[-1].states, rates)
             self._update_targets(rates)
-
-    def _choose_next_actions(self, batch: TrainingBatch) -> None:
-        """Fill in what the greedy controller's target does next, with noise (Alg. 4, line 4)."""
-        actions = self._greedy_target.forward(batch.next_states)[0]
-        torch.add(actions, batch.noise, out=batch.next_actions)
-        if self.settings.target_action == "clip":
-            batch.next_actions.clamp_(-1.0, 1.0)
-
-    def _bellman_target(self, batch: TrainingBatch, next_value: Tensor, rates: Settings) -> None:
-        """Fill in y of Eq. 5 (Alg. 4, line 5)."""
-        torch.mul(next_value, rates.discount, out=batch.y)
-        if self.settings.terminal == "mask":
-            batch.y.mul_(batch.not_done)
-        batch.y.add_(batch.rewards)
 
     def _update_greedy(self, states: Tensor, rates: Settings) -> None:
         """Ascend mean Q1(s, pi(s)) of the greedy controller (Alg. 4, lines 8-9); add to its sum."""
@@ -190,8 +190,8 @@ class CriticTrainer:
     def _update_targets(self, rates: Settings) -> None:
         """Move the targets by tau towards their networks (Eq. 4; Alg. 4, lines 10-11)."""
         for part in self._critics.parts:
-            part.target.parameters.lerp_(part.online.parameters, rates.target_rate)
-        self._greedy_target.parameters.lerp_(self._greedy, rates.target_rate)
+            part.target.lerp_(part.online.parameters, rates.target_rate)
+        self._greedy_target.lerp_(self._greedy, rates.target_rate)
 
     def greedy_parameters(self) -> Vector:
         """Return the greedy controller: (P,) float32, a copy."""
@@ -211,7 +211,7 @@ class CriticTrainer:
             NetworkError: They do not fit the controllers' layers.
         """
         self.greedy_shape.check(parameters)
-        for tensor in (self._greedy, self._greedy_target.parameters):
+        for tensor in (self._greedy, self._greedy_target):
             tensor.copy_(torch.from_numpy(parameters.copy())[None])
         self._greedy_adam.reset()
 
@@ -245,7 +245,7 @@ class CriticTrainer:
     def _greedy_tensors(self) -> dict[str, Tensor]:
         return {
             "greedy": self._greedy,
-            "greedy_target": self._greedy_target.parameters,
+            "greedy_target": self._greedy_target,
             "greedy_moment1": self._greedy_adam.moment1,
             "greedy_moment2": self._greedy_adam.moment2,
             "greedy_steps": self._greedy_adam.steps,

@@ -90,8 +90,7 @@ class MlpStack:
         for weights, biases, out in zip(
             self._weights_transposed, self._biases, self._signals, strict=True
         ):
-            torch.bmm(signal, weights, out=out)
-            signal = out.add_(biases)
+            signal = torch.baddbmm(biases, signal, weights, out=out)
             if out is not last:
                 out.relu_()
         return last.tanh_() if self._tanh else last

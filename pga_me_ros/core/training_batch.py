@@ -22,8 +22,6 @@ class TrainingBatch:
         states: (1, N, obs_dim).
         inputs: (1, N, obs_dim + act_dim), states and actions.
         next_states: (1, N, obs_dim).
-        next_inputs: (1, N, obs_dim + act_dim), next states; the next actions are filled in later.
-        next_actions: (N, act_dim), those places.
         rewards: (N, 1).
         not_done: (N, 1).
         noise: (N, act_dim), the smoothing noise epsilon.
@@ -42,9 +40,6 @@ class TrainingBatch:
         self.next_states = self._tensor[None, :, both:-2]
         self.rewards = self._tensor[:, -2:-1]
         self.not_done = self._tensor[:, -1:]
-        self.next_inputs = torch.zeros((1, rows, both), device=device)
-        states, actions = self.next_inputs.split([obs_dim, act_dim], dim=2)
-        self._next_input_states, self.next_actions = states, actions[0]
         self.y = torch.zeros((rows, 1), device=device)
 
     def draw(self, replay: TransitionSource, rng: np.random.Generator, rates: Settings) -> None:
@@ -60,4 +55,3 @@ class TrainingBatch:
         if self._tensor.device.type != "cpu":
             self._tensor.copy_(torch.from_numpy(self._rows))
             self.noise.copy_(torch.from_numpy(self._noise))
-        self._next_input_states.copy_(self.next_states)

@@ -15,9 +15,8 @@ class CriticPart:
 
     Attributes:
         online: The critics, E of them.
-        target: Their targets.
+        target: (E, P) float32, their targets.
         adam: Their optimiser.
-        next_values: (ahead, E, N, 1), what `look_ahead` computed for each batch.
         loss: Sum over steps and transitions of their squared errors, a scalar.
         value: Sum over steps and transitions of what the first of them returned, a scalar.
 
@@ -25,22 +24,15 @@ class CriticPart:
         shape: Layers of each critic.
         parameters: (E, P) float32, which training changes in place.
         rows: N, transitions per batch.
-        ahead: Batches whose targets are computed before the first is trained on.
     """
 
-    def __init__(self, shape: MlpShape, parameters: Tensor, rows: int, ahead: int) -> None:
+    def __init__(self, shape: MlpShape, parameters: Tensor, rows: int) -> None:
         """Copy the critics into their targets (Alg. 3, line 4)."""
         self.online = MlpStack(shape, parameters, rows, tanh=False)
-        self.target = MlpStack(shape, parameters.clone(), rows, tanh=False)
+        self.target = parameters.clone()
         self.adam = FlatAdam(parameters)
         self.loss, self.value = parameters.new_zeros(()), parameters.new_zeros(())
-        self.next_values = parameters.new_empty((ahead, len(parameters), rows, 1))
         self._error = parameters.new_empty((len(parameters), rows, 1))
-
-    def look_ahead(self, batches: list[TrainingBatch]) -> None:
-        """Compute the targets' values of the next states and actions of some batches."""
-        for values, batch in zip(self.next_values, batches, strict=False):
-            values.copy_(self.target.forward(batch.next_inputs))
 
     def descend(self, batches: list[TrainingBatch], learning_rate: float) -> None:
         """Take one step down the mean squared error on each batch (Alg. 4, line 6); add to the sums."""
@@ -57,7 +49,7 @@ class CriticPart:
         """Return what the next step depends on, each of first dimension E, and the optimiser's steps."""
         return {
             "critics": self.online.parameters,
-            "critic_targets": self.target.parameters,
+            "critic_targets": self.target,
             "critic_moment1": self.adam.moment1,
             "critic_moment2": self.adam.moment2,
             "critic_steps": self.adam.steps,
@@ -74,29 +66,15 @@ class TwinCritics:
         shape: Layers of each critic.
         parameters: (2, P) float32 to start from.
         rows: N, transitions per batch.
-        ahead: Batches whose targets are computed before the first is trained on.
 
     Attributes:
         parts: Q1 and Q2 on a CPU, one part with both on a GPU.
     """
 
-    def __init__(
-        self,
-        shape: MlpShape,
-        parameters: Tensor,
-        rows: int,
-        ahead: int,
-    ) -> None:
+    def __init__(self, shape: MlpShape, parameters: Tensor, rows: int) -> None:
         """Divide the critics into parts."""
         size = 1 if parameters.device.type == "cpu" else len(parameters)
-        self.parts = [
-            CriticPart(shape, chunk.clone(), rows, ahead) for chunk in parameters.split(size)
-        ]
-
-    def smaller_next_value(self, batch: int) -> Tensor:
-        """Return (N, 1), the smaller of both targets' values for a batch of `look_ahead`."""
-        q1, q2 = (q for part in self.parts for q in part.next_values[batch])
-        return torch.minimum(q1, q2)
+        self.parts = [CriticPart(shape, chunk.clone(), rows) for chunk in parameters.split(size)]
 
     def take_sums(self) -> tuple[float, float]:
         """Return the sums of both critics' loss and of the first's value, and begin them anew."""

@@ -40,7 +40,8 @@ class ValueAscent:
         size, act_dim = len(controllers), controller_shape.sizes[-1]
         self._inputs = controllers.new_zeros((size, rows, critic_shape.sizes[0]))
         self._states, self._actions = self._inputs.split([self._obs_dim, act_dim], dim=2)
-        self._by_action = controllers.new_zeros((size, rows, act_dim))
+        # A product with so few columns is several times as fast when it writes them as rows.
+        self._by_action = controllers.new_zeros((size, act_dim, rows)).transpose(1, 2)
         self._weights = controllers.new_full((1, rows, 1), 1.0 / rows if weight is None else weight)
 
     def climb(self, states: Tensor) -> Tensor:
