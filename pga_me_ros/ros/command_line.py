@@ -16,7 +16,7 @@ from rclpy.logging import LoggingSeverity, get_logger_level, set_logger_level
 
 from pga_me_ros.core.errors import SettingsError, nearest_name
 from pga_me_ros.ros.environment import prepare_environment
-from pga_me_ros.ros.memory import give_back_large_blocks
+from pga_me_ros.ros.memory import set_malloc_limits
 from pga_me_ros.ros.parameter_help import parameter_list
 from pga_me_ros.ros.params_file import matches, sections
 
@@ -67,7 +67,7 @@ def start(program: Program, args: Sequence[str] | None = None, **options: Any) -
         return False
     check(program, args)
     prepare_environment()
-    give_back_large_blocks()
+    set_malloc_limits()
     # What rcl logs about bad arguments comes again with the error, where it can be put into words.
     set_logger_level("rcl", LoggingSeverity.FATAL)
     try:

@@ -45,7 +45,9 @@ def flat(values: Any, typecode: str) -> array.array[Any]:
         values: Array or sequence of any shape.
         typecode: ``'f'``, ``'d'`` or ``'q'`` for float32, float64 or int64 fields.
     """
-    return array.array(typecode, np.ascontiguousarray(values, dtype=typecode).tobytes())
+    out = array.array(typecode)
+    out.frombytes(memoryview(np.ascontiguousarray(values, dtype=typecode).reshape(-1)).cast("B"))
+    return out
 
 
 def shaped(data: Any, shape: tuple[int, ...], dtype: Any, name: str) -> NDArray[Any]:

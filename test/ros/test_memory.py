@@ -1,19 +1,22 @@
-"""The memory of large messages is given back, whatever else was allocated meanwhile."""
+"""The memory of large messages is given back, whatever else was allocated meanwhile; that of the run's own is kept."""
 
 from __future__ import annotations
 
 import subprocess
 import sys
 
-KEPT = """
-import os, sys
+LIMITS = """
+import os, resource, sys
 
 def resident():
     return int(open("/proc/self/statm").read().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 2**20
 
-if "give back" in sys.argv:
-    from pga_me_ros.ros.memory import give_back_large_blocks
-    assert give_back_large_blocks()
+if "limits" in sys.argv:
+    from pga_me_ros.ros.memory import set_malloc_limits
+    assert set_malloc_limits()
+"""
+
+KEPT = """
 for megabytes in (10, 20, 31):  # each one freed raises the limit from which on blocks are given back
     bytearray(megabytes * 2**20)
 before = resident()
@@ -25,13 +28,31 @@ del blocks
 print(resident() - before)
 """
 
+TOUCHED = """
+from pga_me_ros.ros.memory import LARGE, M_MMAP_THRESHOLD
+import ctypes
 
-def kept(*arguments: str) -> float:
-    """Return the MiB that a process keeps of four freed blocks of 20 MiB with small ones between them."""
-    command = [sys.executable, "-c", KEPT, *arguments]
+ctypes.CDLL(None).mallopt(M_MMAP_THRESHOLD, LARGE)  # with that limit alone the heap is cut each time
+b"x" * (2 * 2**20)
+before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+for _ in range(20):
+    b"x" * (2 * 2**20)
+pages = (resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before) * os.sysconf("SC_PAGE_SIZE")
+print(pages / 2**20)
+"""
+
+
+def outcome(program: str, *arguments: str) -> float:
+    """Return the number that a program prints in a process of its own."""
+    command = [sys.executable, "-c", LIMITS + program, *arguments]
     return float(subprocess.run(command, capture_output=True, check=True, text=True).stdout)
 
 
 def test_large_blocks_are_given_back():
-    assert kept() > 35.0
-    assert kept("give back") < 5.0
+    assert outcome(KEPT) > 35.0
+    assert outcome(KEPT, "limits") < 5.0
+
+
+def test_memory_of_smaller_blocks_is_kept_for_the_next_ones():
+    assert outcome(TOUCHED) > 20.0
+    assert outcome(TOUCHED, "limits") < 5.0
