@@ -34,23 +34,54 @@ def kinds_of_processes(orchestrator: int) -> list[tuple[int, str]]:
 
 def core_seconds(orchestrator: int) -> dict[str, float]:
     """Return the core seconds that each kind of process of a run has used."""
-    ticks = os.sysconf("SC_CLK_TCK")
     out: dict[str, float] = {}
     for pid, kind in kinds_of_processes(orchestrator):
-        try:
-            stat = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()
-        except OSError:
-            continue
-        out[kind] = out.get(kind, 0.0) + (int(stat[11]) + int(stat[12])) / ticks
+        out[kind] = out.get(kind, 0.0) + _used(Path(f"/proc/{pid}"))
     return out
+
+
+def listening_seconds(orchestrator: int) -> dict[str, float]:
+    """Return the core seconds of the threads that send and receive: the first one and those of Fast DDS.
+
+    Whatever other threads a process has are there for its work.
+    """
+    out: dict[str, float] = {}
+    for pid, kind in kinds_of_processes(orchestrator):
+        for thread in _threads(pid):
+            if thread.name == str(pid) or _name(thread).startswith("dds."):
+                out[kind] = out.get(kind, 0.0) + _used(thread)
+    return out
+
+
+def _used(process: Path) -> float:
+    """Return the core seconds of a process or thread, 0 once it has ended."""
+    try:
+        stat = (process / "stat").read_text().rsplit(")", 1)[1].split()
+    except OSError:
+        return 0.0
+    return (int(stat[11]) + int(stat[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def _name(thread: Path) -> str:
+    try:
+        return (thread / "comm").read_text()
+    except OSError:
+        return ""
+
+
+def _threads(pid: int) -> list[Path]:
+    try:
+        return list(Path(f"/proc/{pid}/task").iterdir())
+    except OSError:
+        return []
 
 
 def _children_of(pid: int) -> list[int]:
     try:
         return [
             int(child)
-            for task in Path(f"/proc/{pid}/task").iterdir()
-            for child in (task / "children").read_text().split()
+            for thread in _threads(pid)
+            for child in (thread / "children").read_text().split()
         ]
     except OSError:
         return []

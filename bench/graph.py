@@ -7,8 +7,9 @@ QDWalker with its short first episodes, `late` QDHalfCheetah with 1000 steps in 
 The shares are of the core time of the graph's generations. Physics, the Python around it, critic training, PG variation
 and the archive take what they take in one process, where calls are timed, while a second process does the same on the
 other core, because two busy cores share caches and memory. How much slower each is than one alone is printed, too: no
-program can bring a generation below half of that. What no process used is waiting. What the graph's processes used
-beyond all that is messages: serialising, copying, storing experience, waking up.
+program can bring a generation below half of that. What no process used is waiting. What training and PG variation take
+beyond that in the graph, where more threads than cores take turns, is crowding. The rest is messages: serialising,
+copying, storing experience, waking up.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ import statistics
 import subprocess
 import tempfile
 import time
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -33,7 +34,7 @@ import matplotlib as mpl
 import numpy as np
 import pybullet
 from _measure import spread
-from _processes import core_seconds, start_run
+from _processes import core_seconds, listening_seconds, start_run
 from _run_times import committed
 from _stopwatch import Stopwatch
 
@@ -71,11 +72,13 @@ class Measured:
         seconds: Time of each.
         cores: Core seconds of all, by part of the work in one process, by kind of process in the graph.
         digest: Digest of the repertoire.
+        listening: Core seconds of the threads of each kind of process that send and receive.
     """
 
     seconds: list[float]
     cores: dict[str, float]
     digest: str
+    listening: dict[str, float] = field(default_factory=dict)
 
 
 def settings_of(part: Part, seed: int) -> Settings:
@@ -142,9 +145,9 @@ def run_graph(part: Part, seed: int) -> Measured:
         try:
             file = Path(folder) / "repertoire.db"
             wait_for_generation(process, file, part.skipped - 1)
-            before = core_seconds(process.pid)
+            before = core_seconds(process.pid), listening_seconds(process.pid)
             wait_for_generation(process, file, part.generations - 1)
-            after = core_seconds(process.pid)
+            after = core_seconds(process.pid), listening_seconds(process.pid)
             process.wait()
         finally:
             if process.poll() is None:
@@ -154,7 +157,10 @@ def run_graph(part: Part, seed: int) -> Measured:
             digest = repertoire.result_digest()
         times = committed(file)
     seconds = [b - a for a, b in pairwise(times)][part.skipped - 1 :]
-    return Measured(seconds, {k: after[k] - before.get(k, 0.0) for k in after}, digest)
+    cores, listening = (
+        {kind: b[kind] - a.get(kind, 0.0) for kind in b} for a, b in zip(before, after, strict=True)
+    )
+    return Measured(seconds, cores, digest, listening)
 
 
 def wait_for_generation(process: subprocess.Popen[bytes], file: Path, generation: int) -> None:
@@ -169,9 +175,14 @@ def shares(busy: Measured, graph: Measured) -> dict[str, float]:
     """Divide the core time of the graph's generations between the parts of the work."""
     available = CORES * sum(graph.seconds)
     used = sum(graph.cores.values())
+    crowding = sum(
+        graph.cores[kind] - graph.listening[kind] - busy.cores[part]
+        for kind, part in (("critic_trainer", "critic"), ("variation", "PG variation"))
+    )
     parts = {
         **busy.cores,
-        "messages": used - sum(busy.cores.values()),
+        "crowding": crowding,
+        "messages": used - sum(busy.cores.values()) - crowding,
         "waiting": available - used,
     }
     return {part: seconds / available for part, seconds in parts.items()}
