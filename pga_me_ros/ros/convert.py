@@ -46,7 +46,7 @@ def flat(values: Any, typecode: str) -> array.array[Any]:
         typecode: ``'f'``, ``'d'`` or ``'q'`` for float32, float64 or int64 fields.
     """
     out = array.array(typecode)
-    out.frombytes(memoryview(np.ascontiguousarray(values, dtype=typecode).reshape(-1)).cast("B"))
+    out.frombytes(np.ascontiguousarray(values, dtype=typecode).view(np.uint8))
     return out
 
 
