@@ -31,6 +31,9 @@ from pga_me_ros.tasks.registry import task_spec
 KEPT = 3
 """Critic snapshots that are kept: two are in use at a time."""
 
+NOTICE = 10.0
+"""Seconds between two lines in the log while a snapshot is waited for."""
+
 
 class Variation(GraphNode):
     """Makes the controllers that the orchestrator asks for, from parents and the newest critic snapshot."""
@@ -75,16 +78,21 @@ class Variation(GraphNode):
         settings = with_rates(self._settings, request.rates)
         self._check_places(request)
         operator = self._operator(request)
+        parents = self._parents(request, system_of(settings).parents.get(operator, 0))
+        snapshot = None
+        if needs_snapshot(operator, request.generation):
+            snapshot = self._snapshots.get(request.generation)
+            if snapshot is None:
+                self._put_off(request, response)
+                return
         wanted = Wanted(
             settings,
             self._shape,
             request.generation,
             request.first,
             request.count,
-            self._parents(request, system_of(settings).parents.get(operator, 0)),
-            self._snapshot(request, response)
-            if needs_snapshot(operator, request.generation)
-            else None,
+            parents,
+            snapshot,
             os.cpu_count() or 1,
         )
         made = make_offspring(operator, wanted)
@@ -100,15 +108,14 @@ class Variation(GraphNode):
             )
         return Operator(request.operator_id)
 
-    def _snapshot(self, request: Propose.Request, response: Propose.Response) -> Snapshot:
-        snapshot = self._snapshots.get(request.generation)
-        if snapshot is None:
-            response.again = True
-            raise RequestError(
-                f"Offspring of generation {request.generation} need its critic snapshot; here are "
-                f"those of {sorted(self._snapshots)}. Ask again once it has been published."
-            )
-        return snapshot
+    def _put_off(self, request: Propose.Request, response: Propose.Response) -> None:
+        """Answer that the critic snapshot is still on its way: no refusal, as nothing is wrong with the request."""
+        response.accepted, response.again = False, True
+        response.message = (
+            f"Offspring of generation {request.generation} need its critic snapshot; here are "
+            f"those of {sorted(self._snapshots)}. Ask again once it has been published."
+        )
+        self.get_logger().info(response.message, throttle_duration_sec=NOTICE)
 
     def _parents(self, request: Propose.Request, each: int) -> NDArray[np.float32]:
         shape = (request.count, each, self._shape.parameter_count)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from graph import Graph, Probe, wait_until
-from pga_me_msgs.msg import CriticSnapshot
+from pga_me_msgs.msg import CriticSnapshot, NodeStatus
 from pga_me_msgs.srv import Propose
 from reference import run_settings
 
@@ -49,8 +49,8 @@ class Variation:
         self._settings = settings
         given = {name: value for name, value in settings.to_dict().items() if value != ""}
         self.started = graph.start("variation", {**given, "run_id": "r"})
-        self._probe = Probe(graph.domain)
-        node = self._probe.node
+        self.probe = Probe(graph.domain)
+        node = self.probe.node
         self._snapshots = node.create_publisher(CriticSnapshot, names.SNAPSHOT, qos.LATCHED)
 
     def hear(self, snapshot: Snapshot) -> None:
@@ -60,7 +60,7 @@ class Variation:
 
     def propose(self, operator: int) -> Any:
         """Ask for one offspring of generation 1."""
-        return self._probe.call(
+        return self.probe.call(
             Propose,
             names.PROPOSE,
             run_id="r",
@@ -74,7 +74,7 @@ class Variation:
 
     def close(self) -> None:
         """Let go of the node; the graph stops it."""
-        self._probe.close()
+        self.probe.close()
 
 
 @pytest.fixture
@@ -124,3 +124,15 @@ def test_pga_map_elites_knows_no_diversity(variation: Variation) -> None:
         refused = variation.propose(operator)
         assert not refused.accepted
         assert f"Operator {operator} is unknown; expected one of 0, 1, 2" in refused.message
+
+
+@pytest.mark.parametrize("variation", [PGA], indirect=True)
+def test_a_snapshot_on_its_way_makes_no_refusal(variation: Variation) -> None:
+    signs = variation.probe.listen(NodeStatus, names.STATUS, qos.STATUS)
+    early = variation.propose(Propose.Request.PG)
+    assert (early.accepted, early.again) == (False, True)
+    assert "need its critic snapshot; here are those of []" in early.message
+    unknown = variation.propose(Propose.Request.DIVERSITY)
+    assert (unknown.accepted, unknown.again) == (False, False)
+    wait_until(lambda: any(sign.refused for sign in list(signs)), "a refusal")
+    assert (signs[-1].refused, "Operator 7 is unknown" in signs[-1].last_error) == (1, True)
