@@ -159,11 +159,15 @@ class CriticTrainer:
         """Take steps during which the targets stay as they are (Alg. 4, lines 3-11)."""
         batches = self._batches[: len(block)]
         for batch in batches:
-            batch.draw(replay, rng, rates)
-        works = [
-            partial(target.fill, batches[i :: len(self._targets)], rates)
-            for i, target in enumerate(self._targets)
-        ]
+            batch.draw(replay, rng)
+
+        def prepare(target: BellmanTarget, share: list[TrainingBatch]) -> None:
+            for batch in share:
+                batch.gather(replay, rates)
+            target.fill(share, rates)
+
+        n = len(self._targets)
+        works = [partial(prepare, t, batches[i::n]) for i, t in enumerate(self._targets)]
         self._side_by_side(*works)
         rate = rates.critic_learning_rate
         parts = self._critics.parts

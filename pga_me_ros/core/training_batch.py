@@ -6,6 +6,7 @@ import numpy as np
 import torch
 
 from pga_me_ros.core.replay import TransitionSource
+from pga_me_ros.core.ring import Indices
 from pga_me_ros.core.settings import Settings
 
 
@@ -33,6 +34,7 @@ class TrainingBatch:
         both = obs_dim + act_dim
         self._rows = np.zeros((rows, both + obs_dim + 2), np.float32)
         self._noise = np.zeros((rows, act_dim), np.float32)
+        self._indices: Indices = np.zeros(rows, np.int64)
         self._tensor = torch.from_numpy(self._rows).to(device)
         self.noise = torch.from_numpy(self._noise).to(device)
         self.states = self._tensor[None, :, :obs_dim]
@@ -42,14 +44,18 @@ class TrainingBatch:
         self.not_done = self._tensor[:, -1:]
         self.y = torch.zeros((rows, 1), device=device)
 
-    def draw(self, replay: TransitionSource, rng: np.random.Generator, rates: Settings) -> None:
-        """Draw transitions and smoothing noise (Alg. 4, lines 3-4).
+    def draw(self, replay: TransitionSource, rng: np.random.Generator) -> None:
+        """Draw which transitions, and the smoothing noise (Alg. 4, lines 3-4): all that takes random numbers.
 
         Raises:
             PgaError: The replay buffer is empty.
         """
-        replay.rows(replay.sample_indices(rng, len(self._rows)), out=self._rows)
+        self._indices = replay.sample_indices(rng, len(self._rows))
         rng.standard_normal(dtype=np.float32, out=self._noise)
+
+    def gather(self, replay: TransitionSource, rates: Settings) -> None:
+        """Fetch what was drawn; batches may be gathered at the same time."""
+        replay.rows(self._indices, out=self._rows)
         np.multiply(self._noise, np.float32(rates.smoothing_sigma), out=self._noise)
         np.clip(self._noise, -rates.smoothing_clip, rates.smoothing_clip, out=self._noise)
         if self._tensor.device.type != "cpu":
