@@ -30,7 +30,7 @@ from pga_me_ros.core.policy import Controller, controller_shape
 from pga_me_ros.core.schedule import evaluation_rng
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.tasks.registry import load_task
-from pga_me_ros.tasks.rollout import rollout
+from pga_me_ros.tasks.rollout import Episode, rollout
 
 TASKS = ("qd_walker", "qd_half_cheetah", "qd_ant", "qd_hopper")
 CORES = (2, 16, 64)
@@ -63,13 +63,14 @@ def measure(task_name: str, rounds: int) -> Costs:
     controllers = [Controller(shape, p) for p in parents[:EPISODES]]
     learner, by_two = (Learner(task.spec, settings, workers) for workers in (1, 2))
 
-    def simulate() -> list[int]:
+    def simulate() -> list[Episode]:
         episodes = [rollout(task, c, evaluation_rng(0, k)) for k, c in enumerate(controllers)]
-        for one in (learner, by_two):
-            one.add(one.newest + 1, episodes)
-        return [e.length for e in episodes]
+        learner.add(learner.newest + 1, episodes)
+        return episodes
 
-    lengths = simulate()
+    episodes = simulate()
+    steps = sum(e.length for e in episodes)
+    by_two.add(0, episodes)
     snapshot, _ = (one.train(settings.replace(n_crit=20), 0) for one in (learner, by_two))
     n_pg = settings.batch_size - 1 - settings.n_evo
 
@@ -87,7 +88,7 @@ def measure(task_name: str, rounds: int) -> Costs:
     vary()
     rows = [
         (
-            seconds(simulate) / sum(lengths),
+            seconds(simulate) / steps,
             seconds(lambda g=generation: learner.train(settings, g)),  # type: ignore[misc]
             seconds(lambda g=generation: by_two.train(settings, g)),  # type: ignore[misc]
             seconds(vary),

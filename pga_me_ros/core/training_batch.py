@@ -54,7 +54,7 @@ class TrainingBatch:
         rng.standard_normal(dtype=np.float32, out=self._noise)
 
     def gather(self, replay: TransitionSource, rates: Settings) -> None:
-        """Fetch what was drawn; batches may be gathered at the same time."""
+        """Fetch the transitions drawn and give the noise its size, once per draw; batches may do so side by side."""
         replay.rows(self._indices, out=self._rows)
         np.multiply(self._noise, np.float32(rates.smoothing_sigma), out=self._noise)
         np.clip(self._noise, -rates.smoothing_clip, rates.smoothing_clip, out=self._noise)
