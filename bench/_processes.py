@@ -11,12 +11,14 @@ from pathlib import Path
 MODULE_PREFIX = "pga_me_ros.nodes."
 
 
-def start_run(folder: str, values: Mapping[str, object]) -> subprocess.Popen[bytes]:
+def start_run(
+    folder: str, values: Mapping[str, object], environment: Mapping[str, str] | None = None
+) -> subprocess.Popen[bytes]:
     """Start the orchestrator with some parameters; its progress goes nowhere, its errors to the terminal."""
     command = [sys.executable, "-m", f"{MODULE_PREFIX}orchestrator", "--ros-args"]
     for name, value in {**values, "run_dir": folder}.items():
         command += ["-p", f"{name}:={value}"]
-    return subprocess.Popen(command, stdout=subprocess.DEVNULL)
+    return subprocess.Popen(command, stdout=subprocess.DEVNULL, env=environment)
 
 
 def kinds_of_processes(orchestrator: int) -> list[tuple[int, str]]:

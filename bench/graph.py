@@ -4,12 +4,13 @@ Run: `.venv/bin/python bench/graph.py [--rounds 2] [--part early|late]`; the las
 generations of the same seed in turn (A B A B ...), and must end with the same repertoire, bit for bit. `early` is
 QDWalker with its short first episodes, `late` QDHalfCheetah with 1000 steps in each.
 
-The shares are of the core time of the graph's generations. Physics, the Python around it, critic training, PG variation
-and the archive take what they take in one process, where calls are timed, while a second process does the same on the
-other core, because two busy cores share caches and memory. How much slower each is than one alone is printed, too: no
-program can bring a generation below half of that. What no process used is waiting. What training and PG variation take
-beyond that in the graph, where more threads than cores take turns, is crowding. The rest is messages: serialising,
-copying, storing experience, waking up.
+The shares are of the core time of the graph's generations. Physics, the Python around it, critic training, PG
+variation, the archive and the rest of the work (GA offspring, building controllers, keeping experience) take what they
+take in one process, where calls are timed, while a second process does the same on the other core, because two busy
+cores share caches and memory. How much slower each is than one alone is printed, too: no program can bring a generation
+below half of that. What no process used is waiting. What episodes and training take beyond that in the graph, where
+more threads than cores may take turns, is crowding. All else that the processes use is messages: serialising, copying,
+storing, waking up, and what PG variation takes longer, whose thread is the one that listens.
 """
 
 from __future__ import annotations
@@ -37,6 +38,7 @@ from _measure import spread
 from _processes import core_seconds, listening_seconds, start_run
 from _run_times import committed
 from _stopwatch import Stopwatch
+from _timed_tasks import environment, episode_seconds
 
 from pga_me_ros.core import make_offspring
 from pga_me_ros.core import search as core_search
@@ -59,8 +61,8 @@ class Part:
 
 
 PARTS = {
-    "early": Part("qd_walker", random_init=500, generations=15, skipped=6),
-    "late": Part("qd_half_cheetah", random_init=100, generations=4, skipped=2),
+    "early": Part("_timed_tasks:TimedWalker", random_init=500, generations=15, skipped=6),
+    "late": Part("_timed_tasks:TimedHalfCheetah", random_init=100, generations=4, skipped=2),
 }
 
 
@@ -73,12 +75,14 @@ class Measured:
         cores: Core seconds of all, by part of the work in one process, by kind of process in the graph.
         digest: Digest of the repertoire.
         listening: Core seconds of the threads of each kind of process that send and receive.
+        episodes: Core seconds of the evaluators' episodes.
     """
 
     seconds: list[float]
     cores: dict[str, float]
     digest: str
     listening: dict[str, float] = field(default_factory=dict)
+    episodes: float = 0.0
 
 
 def settings_of(part: Part, seed: int) -> Settings:
@@ -112,7 +116,9 @@ def run_search(part: Part, seed: int) -> Measured:
             search.run_generation(task)
             seconds.append(time.perf_counter() - start)
     task.close()
-    return Measured(seconds[part.skipped :], watch.seconds, search.archive.digest())
+    seconds = seconds[part.skipped :]
+    other = sum(seconds) - sum(watch.seconds.values())
+    return Measured(seconds, {**watch.seconds, "other work": other}, search.archive.digest())
 
 
 def run_search_beside_another(part: Part, seed: int) -> Measured:
@@ -132,7 +138,7 @@ def run_search_beside_another(part: Part, seed: int) -> Measured:
 def run_graph(part: Part, seed: int) -> Measured:
     """Do the generations with the graph."""
     settings = settings_of(part, seed)
-    with tempfile.TemporaryDirectory() as folder:
+    with tempfile.TemporaryDirectory() as folder, tempfile.TemporaryDirectory() as notes:
         values = {
             "task": part.task,
             "seed": seed,
@@ -141,13 +147,18 @@ def run_graph(part: Part, seed: int) -> Measured:
             "evaluators": CORES,
             "serve": "false",
         }
-        process = start_run(folder, values)
+        process = start_run(folder, values, environment(notes))
+
+        def used() -> tuple[dict[str, float], dict[str, float], dict[str, float]]:
+            pid = process.pid
+            return core_seconds(pid), listening_seconds(pid), {"": episode_seconds(notes)}
+
         try:
             file = Path(folder) / "repertoire.db"
             wait_for_generation(process, file, part.skipped - 1)
-            before = core_seconds(process.pid), listening_seconds(process.pid)
+            before = used()
             wait_for_generation(process, file, part.generations - 1)
-            after = core_seconds(process.pid), listening_seconds(process.pid)
+            after = used()
             process.wait()
         finally:
             if process.poll() is None:
@@ -157,10 +168,10 @@ def run_graph(part: Part, seed: int) -> Measured:
             digest = repertoire.result_digest()
         times = committed(file)
     seconds = [b - a for a, b in pairwise(times)][part.skipped - 1 :]
-    cores, listening = (
+    cores, listening, episodes = (
         {kind: b[kind] - a.get(kind, 0.0) for kind in b} for a, b in zip(before, after, strict=True)
     )
-    return Measured(seconds, cores, digest, listening)
+    return Measured(seconds, cores, digest, listening, episodes[""])
 
 
 def wait_for_generation(process: subprocess.Popen[bytes], file: Path, generation: int) -> None:
@@ -175,10 +186,9 @@ def shares(busy: Measured, graph: Measured) -> dict[str, float]:
     """Divide the core time of the graph's generations between the parts of the work."""
     available = CORES * sum(graph.seconds)
     used = sum(graph.cores.values())
-    crowding = sum(
-        graph.cores[kind] - graph.listening[kind] - busy.cores[part]
-        for kind, part in (("critic_trainer", "critic"), ("variation", "PG variation"))
-    )
+    training = graph.cores["critic_trainer"] - graph.listening["critic_trainer"]
+    alone = sum(busy.cores[part] for part in ("physics", "Python around physics", "critic"))
+    crowding = graph.episodes + training - alone
     parts = {
         **busy.cores,
         "crowding": crowding,
@@ -205,7 +215,8 @@ def measure(name: str, part: Part, rounds: int) -> dict[str, Any]:
         print(
             f"{name} seed {seed}: one process {sum(alone.seconds):.1f} s, beside another "
             f"{sum(busy.seconds):.1f} s, graph {sum(graph.seconds):.1f} s; "
-            f"core seconds by process { ({k: round(v, 1) for k, v in graph.cores.items()}) }",
+            f"core seconds by process {rounded(graph.cores)}, of threads that listen "
+            f"{rounded(graph.listening)}, of episodes {graph.episodes:.2f}",
             flush=True,
         )
     share = {k: round(statistics.median(d[k] for d in divided), 3) for k in divided[0]}
@@ -222,6 +233,11 @@ def measure(name: str, part: Part, rounds: int) -> dict[str, Any]:
     return figures
 
 
+def rounded(seconds: dict[str, float]) -> dict[str, float]:
+    """Return core seconds for printing."""
+    return {kind: round(value, 2) for kind, value in seconds.items()}
+
+
 def draw(file: Path, figures: dict[str, dict[str, Any]]) -> None:
     """Draw what the core time of a generation goes into, one bar per compared part of a run."""
     mpl.use("Agg")
@@ -231,7 +247,7 @@ def draw(file: Path, figures: dict[str, dict[str, Any]]) -> None:
     colors = plt.get_cmap("cividis")(np.linspace(0, 1, len(parts)))
     figure, axes = plt.subplots(figsize=(8, 1.2 + 0.7 * len(figures)), layout="constrained")
     left = np.zeros(len(figures))
-    labels = [f"{name}\n{PARTS[name].task}" for name in figures]
+    labels = [f"{name}\n{load_task(PARTS[name].task).spec.name}" for name in figures]
     for part, color in zip(parts, colors, strict=True):
         widths = [100 * max(0.0, figure["share"][part]) for figure in figures.values()]
         axes.barh(labels, widths, left=left, color=color, label=part)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +9,7 @@ import torch
 from numpy.typing import NDArray
 
 from pga_me_ros.core.errors import NetworkError
+from pga_me_ros.core.helping_threads import GoesOn, do_with_helpers
 from pga_me_ros.core.policy import MlpShape, Vector
 from pga_me_ros.core.torch_nets import FlatAdam, choose_device, torch_threads
 from pga_me_ros.core.value_ascent import ValueAscent
@@ -43,8 +43,8 @@ def pg_variation(
         controller_shape: Layers of the controllers.
         critic_shape: Layers of the critic.
         threads: Threads of each matrix product (setting torch_threads); the last bits depend on it.
-        workers: Offspring computed at a time, each on a thread of its own; a matter of speed alone.
-            Not used on a GPU, which computes all offspring at once.
+        workers: Offspring computed at a time at most, each on a thread of its own where a core is free; a matter of
+            speed alone. Not used on a GPU, which computes all offspring at once.
         device: 'cpu', 'auto' (a GPU if torch finds one), or another torch device.
 
     Returns:
@@ -64,22 +64,20 @@ def pg_variation(
     # all at once.
     size = 1 if problem.device.type == "cpu" else len(parents)
     chunks = [slice(i, i + size) for i in range(0, len(parents), size)]
+    todo = iter(chunks)  # all threads take from it
 
-    def climb_share(share: list[slice]) -> None:
+    def climb(goes_on: GoesOn) -> None:
         torch.set_num_threads(threads)  # torch keeps this number per thread, too
         with torch.no_grad():
             climber = _Climber(problem, critic, size, states.shape[-2])
-            for chunk in share:
+            for chunk in todo:
                 batches = states[chunk] if own else states[None]
                 offspring[chunk] = climber.climb(parents[chunk], batches)
+                if not goes_on():
+                    break
 
-    workers = min(workers, len(chunks))
     with torch_threads(threads):
-        if workers == 1:
-            climb_share(chunks)
-        else:
-            with ThreadPoolExecutor(workers) as pool:
-                list(pool.map(climb_share, (chunks[i::workers] for i in range(workers))))
+        do_with_helpers(climb, min(workers, len(chunks)) - 1)
     return offspring
 
 

@@ -7,12 +7,14 @@ from concurrent.futures import ThreadPoolExecutor
 
 import torch
 
+from pga_me_ros.core.spare_cores import spare_cores
+
 
 class SideBySide:
-    """Does pieces of torch work side by side, or one after the other, with the same outcome.
+    """Does pieces of torch work side by side, or one after the other where no core is free, with the same outcome.
 
     Args:
-        workers: Threads, that of the caller included.
+        workers: Threads at most, that of the caller included.
         torch_threads: Threads of each matrix product; torch keeps that number per thread.
     """
 
@@ -27,7 +29,7 @@ class SideBySide:
 
     def __call__(self, *works: Callable[[], None]) -> None:
         """Do all works, which must not touch what another one writes, and wait for their end."""
-        if self._pool is None:
+        if self._pool is None or spare_cores() < 1:
             for work in works:
                 work()
             return

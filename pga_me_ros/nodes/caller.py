@@ -37,6 +37,7 @@ class Waiter:
         self._look = look
         self.arrivals = arrivals
         self._happened = threading.Event()
+        self._looked = -TICK
 
     def wake(self) -> None:
         """Say, from any thread, that something may have come true."""
@@ -60,7 +61,9 @@ class Waiter:
             left = deadline - time.monotonic()
             if left <= 0:
                 return False
-            self._look()
+            if time.monotonic() - self._looked >= TICK:
+                self._looked = time.monotonic()
+                self._look()
             self._happened.wait(min(TICK, left))
 
 

@@ -42,6 +42,10 @@ from pga_me_ros.tasks.rollout import Episode, rollout
 READER_WAIT = 2.0
 """Seconds that a chunk waits for a reader of its experience; the trainer's may still be on its way."""
 
+HELD = 0.1
+"""Seconds that an episode may be held back, to be published together with the next ones: taking ten short ones that
+came together costs a reader half as much as taking one after the other."""
+
 ELDER = 5.0
 """Seconds after the start: a namesake that is heard within them was there before."""
 
@@ -79,19 +83,23 @@ class Evaluator(GraphNode):
     def _evaluate(self, request: Evaluate.Request, response: Evaluate.Response) -> None:
         controllers = self._controllers(request)
         episodes: list[Episode] = []
+        published = 0
         self._wait_for_reader()
         self.diagnostics.run_id = request.run_id
         self.diagnostics.queue = len(controllers)
+        due = time.monotonic() + HELD
         for evaluation, controller in zip(request.evaluations, controllers, strict=True):
             if not self.context.ok():
                 raise ExternalShutdownException  # others do what is left of the chunk
             rng = evaluation_rng(request.seed, evaluation)
             acting = exploring(controller, request.exploration_sigma, request.seed, evaluation)
-            episode = rollout(self._task, acting, rng)
-            episodes.append(episode)
-            self._publish(request, evaluation, episode)
+            episodes.append(rollout(self._task, acting, rng))
             self.count_done()
             self.diagnostics.queue -= 1
+            if time.monotonic() >= due or len(episodes) == len(controllers):
+                for i in range(published, len(episodes)):
+                    self._publish(request, request.evaluations[i], episodes[i])
+                published, due = len(episodes), time.monotonic() + HELD
         response.fitness = flat([e.fitness for e in episodes], "d")
         response.descriptors = flat([e.descriptor for e in episodes], "d")
         response.steps = flat([e.length for e in episodes], "q")

@@ -16,7 +16,7 @@ from rclpy.client import Client
 from rclpy.node import Node
 
 from pga_me_ros.core.errors import PgaError
-from pga_me_ros.nodes.evaluator_work import Chunk, Job, Outcome, Worker
+from pga_me_ros.nodes.evaluator_work import Chunk, Job, Outcome, Worker, share
 from pga_me_ros.ros import qos
 from pga_me_ros.ros.convert import evaluated_from_msg, flat
 from pga_me_ros.ros.namesakes import offers_service
@@ -236,7 +236,7 @@ class EvaluatorPool:
         self._queue.extendleft(k for k in reversed(ids) if k not in self._outcomes)
 
     def _dispatch(self) -> None:
-        """Give queued work to evaluators with room; shares shrink towards the end, so that all finish together."""
+        """Give queued work to evaluators with room."""
         now = time.monotonic()
         ready = [
             w
@@ -246,8 +246,8 @@ class EvaluatorPool:
         for load in range(IN_FLIGHT):
             for worker in ready:
                 if self._queue and len(worker.chunks) == load:
-                    share = max(1, len(self._queue) // (2 * len(ready)))
-                    self._send(worker, [self._queue.popleft() for _ in range(share)])
+                    n = share(len(self._queue), len(ready), self._seconds)
+                    self._send(worker, [self._queue.popleft() for _ in range(n)])
         if not self._queue:
             self._help_stragglers(now, [w for w in ready if not w.chunks])
 
@@ -260,9 +260,9 @@ class EvaluatorPool:
             and k not in self._outcomes
         }
         for i, helper in enumerate(idle):
-            share = sorted(late)[i :: len(idle)]
-            if share and self._seconds:
-                self._send(helper, share)
+            some = sorted(late)[i :: len(idle)]
+            if some and self._seconds:
+                self._send(helper, some)
 
     def _send(self, worker: Worker, ids: list[int]) -> None:
         job = self._job

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from math import ceil
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,9 @@ LOST = 10.0
 
 STRAGGLER = 3.0
 """How many times the expected time a chunk may take before idle evaluators do it too."""
+
+WORTHWHILE = 0.12
+"""Seconds between a request and its answer that make it worth sending: each costs its two ends some ms."""
 
 
 @dataclass(frozen=True)
@@ -100,3 +104,18 @@ class Job:
     layer_sizes: tuple[int, ...]
     descriptor_dim: int
     versions: str
+
+
+def share(queued: int, evaluators: int, seconds: float) -> int:
+    """Return how many evaluations to ask one evaluator for at once.
+
+    Towards the end they get fewer, so that all finish together, but not so few that asking costs as much as doing.
+
+    Args:
+        queued: Evaluations that nobody was asked for yet, at least 1.
+        evaluators: Those that share them, at least 1.
+        seconds: Mean time per evaluation between request and answer, 0 while unknown.
+    """
+    worthwhile = ceil(WORTHWHILE / seconds) if seconds else 1
+    fair = ceil(queued / evaluators)
+    return max(queued // (2 * evaluators), min(worthwhile, fair))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass
 
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 import torch
 
+from pga_me_ros.core import side_by_side
 from pga_me_ros.core.checkpoint import load_checkpoint, save_checkpoint
 from pga_me_ros.core.critic import BLOCK, CriticTrainer, blocks
 from pga_me_ros.core.errors import NetworkError, PgaError, SettingsError, StorageError
@@ -68,7 +70,10 @@ def test_paper_sized_networks_train_to_the_same_bits_twice():
     assert_same_bits(trained(settings), trained(settings))
 
 
-def test_second_critic_in_a_thread_of_its_own_changes_no_bit():
+@pytest.mark.parametrize("spare", [[1], [0], [1, 1, 0]], ids=["always", "never", "now and then"])
+def test_second_critic_in_a_thread_of_its_own_changes_no_bit(monkeypatch, spare):
+    free = itertools.cycle(spare)
+    monkeypatch.setattr(side_by_side, "spare_cores", lambda: next(free))
     settings = Settings(n_crit=8)
     alone, together = (CriticTrainer(Robot(), settings, workers) for workers in (1, 2))
     for generation in (1, 2):

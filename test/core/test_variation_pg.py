@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 import torch
 
+from pga_me_ros.core import helping_threads
 from pga_me_ros.core.errors import NetworkError
 from pga_me_ros.core.pg_variation import pg_variation
 from pga_me_ros.core.policy import MlpShape, random_critic, random_parameters
@@ -67,9 +70,12 @@ def test_each_offspring_alone_has_the_bits_of_the_batch(states):
 
 
 @BATCHES
+@pytest.mark.parametrize("spare", [[20], [0], [2, -1]], ids=["many", "none", "now and then"])
 @pytest.mark.parametrize("workers", [2, 3, 20])
-def test_number_of_workers_changes_no_bit(states, workers):
+def test_number_of_workers_changes_no_bit(monkeypatch, states, workers, spare):
     one = offspring(PARENTS, states)
+    free = itertools.cycle(spare)
+    monkeypatch.setattr(helping_threads, "spare_cores", lambda: next(free))
     assert offspring(PARENTS, states, workers=workers).tobytes() == one.tobytes()
 
 

@@ -1,10 +1,13 @@
-"""When requests to evaluators count as late, and when as lost."""
+"""How much evaluators are asked for at once; when requests count as late, and when as lost."""
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any
 
-from pga_me_ros.nodes.evaluator_work import Chunk, Worker
+import pytest
+
+from pga_me_ros.nodes.evaluator_work import WORTHWHILE, Chunk, Worker, share
 
 
 def worker(**state: Any) -> Worker:
@@ -39,3 +42,32 @@ def test_patience_doubles_with_each_loss() -> None:
 def test_what_takes_far_longer_than_expected_is_late() -> None:
     assert worker().late(now=6.5, seconds=0.5) == [1, 2]
     assert worker().late(now=6.5, seconds=1.0) == []
+
+
+def requests(queued: int, evaluators: int, seconds: float) -> list[int]:
+    """What evaluators are asked for, one after the other, until the queue is empty."""
+    asked = []
+    while queued:
+        asked.append(share(queued, evaluators, seconds))
+        queued -= asked[-1]
+    assert queued == 0
+    return asked
+
+
+@pytest.mark.parametrize("seconds", [0.0, 1.0])
+def test_long_or_unknown_evaluations_are_shared_in_ever_smaller_parts(seconds: float) -> None:
+    asked = requests(100, 2, seconds)
+    assert asked[0] == 25
+    assert asked[-4:] == [1, 1, 1, 1]
+    assert all(a >= b for a, b in pairwise(asked))
+
+
+def test_short_evaluations_are_not_asked_for_one_by_one() -> None:
+    asked = requests(100, 2, WORTHWHILE / 6)
+    assert min(asked[:-4]) >= 6
+    assert len(asked) < len(requests(100, 2, 1.0))
+
+
+def test_few_short_evaluations_are_shared_by_all() -> None:
+    assert requests(8, 4, WORTHWHILE / 100) == [2, 2, 1, 1, 1, 1]
+    assert requests(3, 32, WORTHWHILE / 100) == [1, 1, 1]
