@@ -4,13 +4,14 @@ Run: `.venv/bin/python bench/graph.py [--rounds 2] [--part early|late]`; the las
 generations of the same seed in turn (A B A B ...), and must end with the same repertoire, bit for bit. `early` is
 QDWalker with its short first episodes, `late` QDHalfCheetah with 1000 steps in each.
 
-The shares are of the core time of the graph's generations. Physics, the Python around it, critic training, PG
-variation, the archive and the rest of the work (GA offspring, building controllers, keeping experience) take what they
-take in one process, where calls are timed, while a second process does the same on the other core, because two busy
-cores share caches and memory. How much slower each is than one alone is printed, too: no program can bring a generation
-below half of that. What no process used is waiting. What episodes and training take beyond that in the graph, where
-more threads than cores may take turns, is crowding. All else that the processes use is messages: serialising, copying,
-storing, waking up, and what PG variation takes longer, whose thread is the one that listens.
+The shares are of the core time of the graph's generations. What episodes take is measured in the graph, and divided
+between physics and the Python around it as in one process, where calls are timed. Critic training, PG variation, the
+archive and the rest of the work (GA offspring, building controllers, keeping experience) take what they take in one
+process while a second one does the same on the other core, because two busy cores share caches and memory. How much
+slower each is than one alone is printed, too: no program can bring a generation below half of that. What training takes
+beyond that in the graph is crowding: its threads wait for each other, and more threads than cores may take turns. What
+no process used is waiting. All else that they use is messages: serialising, copying, storing, waking up, and what PG
+variation takes longer, whose thread is the one that listens.
 """
 
 from __future__ import annotations
@@ -48,6 +49,9 @@ from pga_me_ros.core.storage import Repertoire
 from pga_me_ros.tasks.registry import load_task
 
 CORES = 2
+
+SIMULATION = ("physics", "Python around physics")
+"""Parts of an episode."""
 
 
 @dataclass(frozen=True)
@@ -187,14 +191,13 @@ def shares(busy: Measured, graph: Measured) -> dict[str, float]:
     available = CORES * sum(graph.seconds)
     used = sum(graph.cores.values())
     training = graph.cores["critic_trainer"] - graph.listening["critic_trainer"]
-    alone = sum(busy.cores[part] for part in ("physics", "Python around physics", "critic"))
-    crowding = graph.episodes + training - alone
-    parts = {
-        **busy.cores,
-        "crowding": crowding,
-        "messages": used - sum(busy.cores.values()) - crowding,
-        "waiting": available - used,
-    }
+    parts = dict(busy.cores)
+    simulated = [parts[part] for part in SIMULATION]
+    for part in SIMULATION:
+        parts[part] *= graph.episodes / sum(simulated)
+    parts["crowding"] = training - parts["critic"]
+    parts["messages"] = used - sum(parts.values())
+    parts["waiting"] = available - used
     return {part: seconds / available for part, seconds in parts.items()}
 
 
