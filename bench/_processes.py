@@ -5,20 +5,40 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import time
 from collections.abc import Mapping
 from pathlib import Path
+
+from _run_times import committed
 
 MODULE_PREFIX = "pga_me_ros.nodes."
 
 
 def start_run(
-    folder: str, values: Mapping[str, object], environment: Mapping[str, str] | None = None
+    folder: str, values: Mapping[str, object], **variables: str
 ) -> subprocess.Popen[bytes]:
-    """Start the orchestrator with some parameters; its progress goes nowhere, its errors to the terminal."""
+    """Start the orchestrator; its progress goes nowhere, its errors to the terminal.
+
+    Args:
+        folder: Folder of the run.
+        values: Parameters; the task may be one of the benches' own.
+        variables: Further environment variables of its processes.
+    """
     command = [sys.executable, "-m", f"{MODULE_PREFIX}orchestrator", "--ros-args"]
     for name, value in {**values, "run_dir": folder}.items():
         command += ["-p", f"{name}:={value}"]
+    here = str(Path(__file__).resolve().parent)
+    path = os.pathsep.join(filter(None, [here, os.environ.get("PYTHONPATH", "")]))
+    environment = {**os.environ, "PYTHONPATH": path, **variables}
     return subprocess.Popen(command, stdout=subprocess.DEVNULL, env=environment)
+
+
+def wait_for_generation(process: subprocess.Popen[bytes], file: Path, generation: int) -> None:
+    """Wait until a run has committed a generation to its repertoire file."""
+    while len(committed(file)) <= generation:
+        if process.poll() not in (None, 0):
+            raise SystemExit(f"the orchestrator ended with {process.returncode}")
+        time.sleep(0.1)
 
 
 def kinds_of_processes(orchestrator: int) -> list[tuple[int, str]]:

@@ -8,24 +8,17 @@ from __future__ import annotations
 import os
 import struct
 import time
-from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pga_me_ros.tasks.locomotion import QDHalfCheetah, QDWalker
+from pga_me_ros.tasks.locomotion import LocomotionTask, QDHalfCheetah, QDWalker
 
 FOLDER = "PGA_ME_EPISODE_TIMES"
 """Environment variable: where each process notes its time; without it, none does."""
 
-if TYPE_CHECKING:
-    from pga_me_ros.tasks.locomotion import LocomotionTask as _Task
-else:
-    _Task = object
 
-
-class _Timed(_Task):
+class _Timed(LocomotionTask):
     def __init__(self) -> None:
         super().__init__()
         self._started = self._total = 0.0
@@ -50,13 +43,6 @@ class TimedWalker(_Timed, QDWalker):
 
 class TimedHalfCheetah(_Timed, QDHalfCheetah):
     """QDHalfCheetah."""
-
-
-def environment(folder: str | Path) -> Mapping[str, str]:
-    """Return the environment of processes that find these tasks and note their time in a folder."""
-    here = str(Path(__file__).resolve().parent)
-    path = os.pathsep.join(filter(None, [here, os.environ.get("PYTHONPATH", "")]))
-    return {**os.environ, "PYTHONPATH": path, FOLDER: str(folder)}
 
 
 def episode_seconds(folder: str | Path) -> float:

@@ -12,8 +12,6 @@ import argparse
 import json
 import os
 import signal
-import subprocess
-import sys
 import tempfile
 import time
 from pathlib import Path
@@ -22,7 +20,7 @@ from typing import Any
 import numpy as np
 import rclpy
 from _measure import seconds, spread
-from _run_times import committed
+from _processes import start_run, wait_for_generation
 from pga_me_msgs.srv import GetBehavior
 from ribs.archives import CVTArchive
 from std_srvs.srv import Trigger
@@ -88,14 +86,9 @@ def latencies(node: Any, client: Any, request: Any, count: int) -> np.ndarray:
 def under_load(requests: int) -> dict[str, float]:
     """Measure get_behavior while a run is under way; milliseconds, and ratios to a service that does nothing."""
     with tempfile.TemporaryDirectory() as folder:
-        command = [sys.executable, "-m", "pga_me_ros.nodes.orchestrator", "--ros-args"]
-        command += ["-p", f"run_dir:={folder}", "-p", "evaluations:=1000000"]
-        process = subprocess.Popen(command, stdout=subprocess.DEVNULL)
+        process = start_run(folder, {"evaluations": 1_000_000})
         try:
-            while len(committed(Path(folder) / "repertoire.db")) < LEAD:
-                if process.poll() is not None:
-                    raise SystemExit(f"the orchestrator ended with {process.returncode}")
-                time.sleep(0.1)
+            wait_for_generation(process, Path(folder) / "repertoire.db", LEAD - 1)
             rclpy.init()
             node = rclpy.create_node("bench")
             ask = node.create_client(GetBehavior, "repertoire/get_behavior")

@@ -22,7 +22,6 @@ import multiprocessing
 import os
 import signal
 import statistics
-import subprocess
 import tempfile
 import time
 from dataclasses import dataclass, field, replace
@@ -36,10 +35,10 @@ import matplotlib as mpl
 import numpy as np
 import pybullet
 from _measure import spread
-from _processes import core_seconds, listening_seconds, start_run
+from _processes import core_seconds, listening_seconds, start_run, wait_for_generation
 from _run_times import committed
 from _stopwatch import Stopwatch
-from _timed_tasks import environment, episode_seconds
+from _timed_tasks import FOLDER, episode_seconds
 
 from pga_me_ros.core import make_offspring
 from pga_me_ros.core import search as core_search
@@ -151,18 +150,15 @@ def run_graph(part: Part, seed: int) -> Measured:
             "evaluators": CORES,
             "serve": "false",
         }
-        process = start_run(folder, values, environment(notes))
-
-        def used() -> tuple[dict[str, float], dict[str, float], dict[str, float]]:
-            pid = process.pid
-            return core_seconds(pid), listening_seconds(pid), {"": episode_seconds(notes)}
-
+        process = start_run(folder, values, **{FOLDER: notes})
         try:
             file = Path(folder) / "repertoire.db"
             wait_for_generation(process, file, part.skipped - 1)
-            before = used()
+            before = core_seconds(process.pid), listening_seconds(process.pid)
+            episodes = -episode_seconds(notes)
             wait_for_generation(process, file, part.generations - 1)
-            after = used()
+            after = core_seconds(process.pid), listening_seconds(process.pid)
+            episodes += episode_seconds(notes)
             process.wait()
         finally:
             if process.poll() is None:
@@ -172,18 +168,10 @@ def run_graph(part: Part, seed: int) -> Measured:
             digest = repertoire.result_digest()
         times = committed(file)
     seconds = [b - a for a, b in pairwise(times)][part.skipped - 1 :]
-    cores, listening, episodes = (
+    cores, listening = (
         {kind: b[kind] - a.get(kind, 0.0) for kind in b} for a, b in zip(before, after, strict=True)
     )
-    return Measured(seconds, cores, digest, listening, episodes[""])
-
-
-def wait_for_generation(process: subprocess.Popen[bytes], file: Path, generation: int) -> None:
-    """Wait until a generation is committed."""
-    while len(committed(file)) <= generation:
-        if process.poll() not in (None, 0):
-            raise SystemExit(f"the orchestrator ended with {process.returncode}")
-        time.sleep(0.1)
+    return Measured(seconds, cores, digest, listening, episodes)
 
 
 def shares(busy: Measured, graph: Measured) -> dict[str, float]:

@@ -9,15 +9,13 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import statistics
-import subprocess
-import sys
 import tempfile
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
+from _processes import start_run
 from _run_times import committed
 
 GENERATIONS = 4
@@ -53,16 +51,10 @@ def rate(part: Part, evaluators: int) -> float:
             "evaluators": evaluators,
             "min_evaluators": evaluators,
             "serve": "false",
-            "run_dir": folder,
         }
-        command = [sys.executable, "-m", "pga_me_ros.nodes.orchestrator", "--ros-args"]
-        for name, value in values.items():
-            command += ["-p", f"{name}:={value}"]
-        here = str(Path(__file__).resolve().parent)
-        path = os.pathsep.join(filter(None, [here, os.environ.get("PYTHONPATH", "")]))
-        subprocess.run(
-            command, check=True, stdout=subprocess.DEVNULL, env={**os.environ, "PYTHONPATH": path}
-        )
+        process = start_run(folder, values)
+        if process.wait():
+            raise SystemExit(f"the orchestrator ended with {process.returncode}")
         seconds = [b - a for a, b in pairwise(committed(Path(folder) / "repertoire.db"))]
     return batch / statistics.median(seconds)
 

@@ -58,11 +58,12 @@ class Waiter:
             self._happened.clear()
             if true():
                 return True
-            left = deadline - time.monotonic()
+            now = time.monotonic()
+            left = deadline - now
             if left <= 0:
                 return False
-            if time.monotonic() - self._looked >= TICK:
-                self._looked = time.monotonic()
+            if now - self._looked >= TICK:
+                self._looked = now
                 self._look()
             self._happened.wait(min(TICK, left))
 
