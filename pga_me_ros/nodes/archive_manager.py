@@ -43,7 +43,7 @@ STATUS = {status: getattr(AddToArchive.Request, status.name) for status in Statu
 """What became of a solution, as the message numbers it."""
 
 
-ELDER = 2.0
+ELDER = 5.0
 """Seconds after the start: a namesake that is heard within them was there before."""
 
 
