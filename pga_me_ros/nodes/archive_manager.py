@@ -38,6 +38,7 @@ from pga_me_ros.ros.convert import (
 from pga_me_ros.ros.graph_node import GraphNode
 from pga_me_ros.ros.parameters import declare
 from pga_me_ros.ros.process import run_node
+from pga_me_ros.ros.refusals import printable
 
 STATUS = {status: getattr(AddToArchive.Request, status.name) for status in Status}
 """What became of a solution, as the message numbers it."""
@@ -91,17 +92,18 @@ class ArchiveManager(GraphNode):
         self.start_heartbeat(run_id=self._info.run_id, task=self._info.task["name"])
 
     def _make_way(self, msg: NodeStatus) -> None:
-        """Leave the name to an archive manager that was there before; a run's own is never disturbed.
-
-        Raises:
-            PgaError: One is there.
-        """
+        """Leave the name to an archive manager that was there before; a run's own is never disturbed."""
         ours = (socket.gethostname(), os.getpid())
         was_there = time.monotonic() - self._since < ELDER
         if msg.kind == "archive_manager" and (msg.host, msg.pid) != ours and was_there:
-            raise PgaError(
-                f"The name {msg.node} is taken in this ROS domain by process {msg.pid} on {msg.host}. Stop that node, "
-                "or give this one a namespace (--ros-args -r __ns:=/NAME) or another ROS_DOMAIN_ID."
+            who = printable(
+                f"{msg.node} is taken in this ROS domain by process {msg.pid} on {msg.host}"
+            )
+            self.end(
+                PgaError(
+                    f"The name {who}. Stop that node, or give this one a namespace (--ros-args -r __ns:=/NAME) or "
+                    "another ROS_DOMAIN_ID."
+                )
             )
 
     @property

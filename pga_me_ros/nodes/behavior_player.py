@@ -48,7 +48,7 @@ TICK = 0.1
 class BehaviorPlayer(GraphNode):
     """One robot in simulation.
 
-    A thread of its own plays, so that the node answers meanwhile; what ends it is raised in the executor.
+    A thread of its own plays, so that the node answers meanwhile.
     """
 
     def __init__(self) -> None:
@@ -71,8 +71,6 @@ class BehaviorPlayer(GraphNode):
         self._steps = 0
         self._messages: RobotMessages | None = None
         self._window: Window | None = None
-        self._outcome: Exception = ExternalShutdownException()
-        self._end = self.create_guard_condition(self._raise_outcome)
         self._player = threading.Thread(target=self._play, name="player")
         # Begins once the executor spins, so that the thread may wait for answers.
         self._begin = self.create_timer(0.0, self._start)
@@ -81,14 +79,12 @@ class BehaviorPlayer(GraphNode):
         self._begin.cancel()
         self._player.start()
 
-    def _raise_outcome(self) -> None:
-        raise self._outcome
-
     def _change(self, changed: dict[str, Any]) -> None:
         self._pace.speed = changed.get("speed", self._pace.speed)
 
     def _play(self) -> None:
         """Play all episodes; runs in the player's thread."""
+        outcome: Exception = ExternalShutdownException()
         try:
             source: Source = (
                 Stored(Path(self._values["run_dir"]))
@@ -105,9 +101,8 @@ class BehaviorPlayer(GraphNode):
             finally:
                 task.close()
         except Exception as error:
-            self._outcome = error
-        if self.context.ok():
-            self._end.trigger()
+            outcome = error
+        self.end(outcome)
 
     def _answer(self, future: Future) -> Any:
         """Wait for what a service answers, or for the end of the node.

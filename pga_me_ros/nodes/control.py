@@ -6,7 +6,6 @@ import threading
 from typing import Any
 
 from rclpy.impl.rcutils_logger import RcutilsLogger
-from rclpy.node import Node
 from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
 
@@ -19,9 +18,10 @@ from pga_me_ros.ros import names
 from pga_me_ros.ros.parameters import declare_run, on_change
 from pga_me_ros.ros.refusals import CalmRefusals
 from pga_me_ros.ros.shield import shield
+from pga_me_ros.ros.spinning import EndingNode
 
 
-class Control(Node):
+class Control(EndingNode):
     """What users hold in their hands: the settings of the run, and whether it goes on.
 
     Attributes:

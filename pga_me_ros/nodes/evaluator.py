@@ -115,19 +115,22 @@ class Evaluator(GraphNode):
         self.create_subscription(NodeStatus, names.STATUS, self._make_way, qos.STATUS)
         while time.monotonic() < self._since + listening_time(self, self.get_name()):
             rclpy.spin_once(self, timeout_sec=0.1)
+            if self.outcome is not None:
+                raise self.outcome
 
     def _make_way(self, msg: NodeStatus) -> None:
-        """Leave the name to an evaluator that was there before.
-
-        Raises:
-            PgaError: One is there.
-        """
+        """Leave the name to an evaluator that was there before."""
         is_other = (msg.host, msg.pid) != (socket.gethostname(), os.getpid())
         was_there = time.monotonic() - self._since < ELDER
         if msg.node == self.get_fully_qualified_name() and is_other and was_there:
-            raise PgaError(
-                f"The name {msg.node} is taken in this ROS domain by process {msg.pid} on {printable(msg.host)}. "
-                "Give this evaluator another one (--ros-args -r __node:=NAME), or none: it then makes up its own."
+            who = printable(
+                f"{msg.node} is taken in this ROS domain by process {msg.pid} on {msg.host}"
+            )
+            self.end(
+                PgaError(
+                    f"The name {who}. Give this evaluator another one (--ros-args -r __node:=NAME), or none: it then "
+                    "makes up its own."
+                )
             )
 
     def _wait_for_reader(self) -> None:

@@ -15,7 +15,7 @@ from types import FrameType
 import rclpy
 from pga_me_msgs.msg import NodeStatus, Progress
 from rclpy.clock import Clock, ClockType
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.executors import ExternalShutdownException
 from rclpy.signals import SignalHandlerOptions
 
 from pga_me_ros.core.errors import PgaError
@@ -33,6 +33,7 @@ from pga_me_ros.ros.command_line import Program, start
 from pga_me_ros.ros.namesakes import LISTEN, LISTEN_ON, listening_time
 from pga_me_ros.ros.process import report
 from pga_me_ros.ros.refusals import printable
+from pga_me_ros.ros.spinning import spin
 from pga_me_ros.tasks.registry import task_spec
 
 HEARTBEAT = 1.0
@@ -250,25 +251,23 @@ def age(claim: Progress) -> tuple[int, int, str, int]:
 @contextmanager
 def spinning(control: Control) -> Iterator[list[int]]:
     """Serve a node's callbacks in another thread; a fault in one stops the run and gives an exit code."""
-    executor = SingleThreadedExecutor()
-    executor.add_node(control)
     faults: list[int] = []
 
-    def spin() -> None:
+    def serve() -> None:
         try:
-            executor.spin()
+            spin(control)
         except ExternalShutdownException:
             return
         except Exception as error:  # without this thread, nothing would ever be answered
             faults.append(report(error))
             control.stop_requested.set()
 
-    thread = threading.Thread(target=spin, name="executor")
+    thread = threading.Thread(target=serve, name="executor")
     thread.start()
     try:
         yield faults
     finally:
-        executor.shutdown()
+        control.end(ExternalShutdownException())
         thread.join()
 
 

@@ -13,7 +13,6 @@ from typing import Any
 from pga_me_msgs.msg import NodeStatus
 from rclpy._rclpy_pybind11 import RCLError
 from rclpy.executors import ExternalShutdownException
-from rclpy.node import Node
 from rclpy.qos import QoSProfile, qos_profile_services_default
 from rclpy.service import Service
 
@@ -22,6 +21,7 @@ from pga_me_ros.ros import names, qos
 from pga_me_ros.ros.diagnostics import Diagnostics
 from pga_me_ros.ros.refusals import CalmRefusals, printable
 from pga_me_ros.ros.shield import shield
+from pga_me_ros.ros.spinning import EndingNode
 
 HEARTBEAT = 1.0
 """Seconds between two signs of life."""
@@ -37,7 +37,7 @@ def own_name(kind: str) -> str:
     return re.sub(r"\W", "_", f"{kind}_{socket.gethostname()}_{os.getpid()}", flags=re.ASCII)
 
 
-class GraphNode(Node):
+class GraphNode(EndingNode):
     """A node that publishes `NodeStatus` and whose services turn errors into refusals.
 
     Args:
@@ -98,17 +98,25 @@ class GraphNode(Node):
             except PgaError as error:
                 self._refuse(response, ok_field, name, str(error))
             except ExternalShutdownException:
-                raise  # the node is to end, and there is nothing left to answer with
+                return None
             except Exception as error:  # a fault must not take the node down with it
                 if not self.context.ok():  # no fault: a signal came in the middle of the work
-                    raise ExternalShutdownException from error
+                    return None
                 self.get_logger().error(traceback.format_exc())
                 reason = f"internal fault: {type(error).__name__}: {error}"
                 self._refuse(response, ok_field, name, reason)
                 self.diagnostics.fault(self._beat.last_error)
             return response
 
-        return self.create_service(srv_type, name, callback, qos_profile=qos_profile)
+        service = self.create_service(srv_type, name, callback, qos_profile=qos_profile)
+        send = service.send_response
+
+        def answer(response: Any, header: Any) -> None:
+            if response is not None:  # else the node is ending, and who waits asks the next one
+                send(response, header)
+
+        service.send_response = answer
+        return service
 
     def check_run(self, run_id: str, ours: str) -> None:
         """Refuse what does not belong to this run.

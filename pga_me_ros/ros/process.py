@@ -8,17 +8,19 @@ from collections.abc import Callable
 
 import rclpy
 from rclpy._rclpy_pybind11 import RCLError
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
-from rclpy.node import Node
+from rclpy.executors import ExternalShutdownException
 
 from pga_me_ros.core.errors import PgaError
 from pga_me_ros.ros.command_line import Program, start
+from pga_me_ros.ros.spinning import EndingNode, spin
 
 EXIT_FAULT = 1
 EXIT_BAD_INPUT = 2
 
 
-def run_node(program: Program, make: Callable[[], Node], args: list[str] | None = None) -> int:
+def run_node(
+    program: Program, make: Callable[[], EndingNode], args: list[str] | None = None
+) -> int:
     """Run one node until it is told to stop.
 
     Args:
@@ -29,16 +31,14 @@ def run_node(program: Program, make: Callable[[], Node], args: list[str] | None 
     Returns:
         Exit code: 0 after a shutdown, 2 for bad input, 1 for a fault.
     """
-    node: Node | None = None
+    node: EndingNode | None = None
     running = False
     try:
         if not start(program, args):
             return 0
         node = make()
-        executor = SingleThreadedExecutor()
-        executor.add_node(node)
         running = True
-        executor.spin()
+        spin(node)
     except (KeyboardInterrupt, ExternalShutdownException):
         return 0
     except Exception as error:

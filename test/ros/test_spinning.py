@@ -1,0 +1,154 @@
+"""How nodes spin and end, with a real executor."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future
+from typing import Any
+
+import pytest
+import rclpy
+from domain_coordinator import domain_id
+from rclpy.context import Context
+from rclpy.executors import ExternalShutdownException
+from std_srvs.srv import Trigger
+
+from pga_me_ros.core.errors import PgaError
+from pga_me_ros.ros.graph_node import GraphNode
+from pga_me_ros.ros.spinning import EndingNode, spin
+
+DEADLINE = 30.0
+
+
+@pytest.fixture
+def context(monkeypatch: pytest.MonkeyPatch) -> Iterator[Context]:
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    context = Context()
+    with domain_id() as domain:
+        rclpy.init(context=context, domain_id=domain)
+        yield context
+        context.try_shutdown()
+
+
+@pytest.fixture
+def node(context: Context) -> Iterator[EndingNode]:
+    node = EndingNode("node", context=context)
+    yield node
+    node.destroy_node()
+
+
+def after(seconds: float, node: EndingNode, do: Callable[[], None]) -> None:
+    """Have a node's own callback do something once."""
+
+    def once() -> None:
+        timer.cancel()
+        do()
+
+    timer = node.create_timer(seconds, once)
+
+
+def in_thread(work: Callable[[], Any]) -> Future[Any]:
+    """Do something in another thread, which a test that fails need not wait for."""
+    done: Future[Any] = Future()
+
+    def run() -> None:
+        try:
+            done.set_result(work())
+        except Exception as error:
+            done.set_exception(error)
+
+    threading.Thread(target=run, daemon=True).start()
+    return done
+
+
+def spinning(node: EndingNode) -> Future[None]:
+    """Spin a node in another thread."""
+    return in_thread(lambda: spin(node))
+
+
+def spun(node: EndingNode) -> BaseException | None:
+    """Spin a node in another thread, and return what it ended with."""
+    return spinning(node).exception(DEADLINE)
+
+
+def test_a_node_ends_itself_with_an_outcome_and_without_a_word(
+    node: EndingNode, capfd: pytest.CaptureFixture[str]
+) -> None:
+    outcome = PgaError("enough")
+    after(0.01, node, lambda: node.end(outcome))
+    assert spun(node) is outcome
+    assert capfd.readouterr() == ("", "")
+
+
+def test_the_first_outcome_counts(node: EndingNode) -> None:
+    first = PgaError("first")
+    node.end(first)
+    node.end(PgaError("second"))
+    assert spun(node) is first
+
+
+def test_another_thread_wakes_and_ends_a_node_to_which_nothing_happens(node: EndingNode) -> None:
+    outcome = PgaError("from outside")
+    serving = spinning(node)
+    while node.executor is None:
+        time.sleep(0.001)
+    node.end(outcome)
+    assert serving.exception(DEADLINE) is outcome
+
+
+def test_what_a_callback_raises_ends_the_node(node: EndingNode) -> None:
+    def fault() -> None:
+        raise ValueError("a fault")
+
+    after(0.01, node, fault)
+    assert repr(spun(node)) == "ValueError('a fault')"
+
+
+def test_a_shutdown_ends_the_node(node: EndingNode, context: Context) -> None:
+    threading.Timer(0.1, context.shutdown).start()
+    assert isinstance(spun(node), ExternalShutdownException)
+
+
+def test_a_node_to_which_nothing_happens_leaves_the_cores_alone(node: EndingNode) -> None:
+    after(1.0, node, lambda: node.end(PgaError("enough")))
+
+    def used() -> float:
+        start, began = time.thread_time(), time.monotonic()
+        with pytest.raises(PgaError, match="enough"):
+            spin(node)
+        return (time.thread_time() - start) / (time.monotonic() - began)
+
+    assert in_thread(used).result(DEADLINE) < 0.2
+
+
+def test_a_service_of_a_node_that_ends_gives_no_answer(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    with domain_id() as domain:
+        rclpy.init(domain_id=domain)
+        try:
+            answers_once_it_goes_on()
+        finally:
+            rclpy.shutdown()
+
+
+def answers_once_it_goes_on() -> None:
+    node = GraphNode("node")
+    asked: list[Any] = []
+
+    def handle(request: Trigger.Request, response: Trigger.Response) -> None:
+        asked.append(request)
+        if len(asked) == 1:
+            raise ExternalShutdownException
+        response.message = "here I am"
+
+    node.serve(Trigger, "service", handle, ok_field="success")
+    client = node.create_client(Trigger, "service")
+    assert client.wait_for_service(DEADLINE)
+    first, second = (client.call_async(Trigger.Request()) for _ in range(2))
+    second.add_done_callback(lambda _: node.end(PgaError("enough")))
+    assert "enough" in str(spun(node))
+    assert second.result() == Trigger.Response(success=True, message="here I am")
+    assert not first.done()
+    node.destroy_node()
