@@ -75,6 +75,13 @@ def listening_seconds(orchestrator: int) -> dict[str, float]:
     return out
 
 
+def idle_seconds() -> float:
+    """Return the seconds in which this machine's cores had nothing to do since it was started, all cores together."""
+    with Path("/proc/stat").open() as lines:  # "cpu  user nice system idle iowait ..."
+        times = next(lines).split()[1:]
+    return (int(times[3]) + int(times[4])) / os.sysconf("SC_CLK_TCK")
+
+
 def _used(process: Path) -> float:
     """Return the core seconds of a process or thread, 0 once it has ended."""
     try:

@@ -9,9 +9,10 @@ between physics and the Python around it as in one process, where calls are time
 archive and the rest of the work (GA offspring, building controllers, keeping experience) take what they take in one
 process while a second one does the same on the other core, because two busy cores share caches and memory. How much
 slower each is than one alone is printed, too: no program can bring a generation below half of that. What training takes
-beyond that in the graph is crowding: its threads wait for each other, and more threads than cores may take turns. What
-no process used is waiting. All else that they use is messages: serialising, copying, storing, waking up, and what PG
-variation takes longer, whose thread is the one that listens.
+beyond that in the graph is crowding: its threads wait for each other, and more threads than cores may take turns. All
+else that its processes use is messages: serialising, copying, storing, waking up, and what PG variation takes longer,
+whose thread is the one that listens. Time in which a core was idle is waiting; the rest went to other processes of the
+machine, this one and the kernel's among them.
 """
 
 from __future__ import annotations
@@ -35,7 +36,13 @@ import matplotlib as mpl
 import numpy as np
 import pybullet
 from _measure import spread
-from _processes import core_seconds, listening_seconds, start_run, wait_for_generation
+from _processes import (
+    core_seconds,
+    idle_seconds,
+    listening_seconds,
+    start_run,
+    wait_for_generation,
+)
 from _run_times import committed
 from _stopwatch import Stopwatch
 from _timed_tasks import FOLDER, episode_seconds
@@ -79,6 +86,7 @@ class Measured:
         digest: Digest of the repertoire.
         listening: Core seconds of the threads of each kind of process that send and receive.
         episodes: Core seconds of the evaluators' episodes.
+        idle: Seconds of all cores in which they had nothing to do.
     """
 
     seconds: list[float]
@@ -86,6 +94,7 @@ class Measured:
     digest: str
     listening: dict[str, float] = field(default_factory=dict)
     episodes: float = 0.0
+    idle: float = 0.0
 
 
 def settings_of(part: Part, seed: int) -> Settings:
@@ -155,10 +164,10 @@ def run_graph(part: Part, seed: int) -> Measured:
             file = Path(folder) / "repertoire.db"
             wait_for_generation(process, file, part.skipped - 1)
             before = core_seconds(process.pid), listening_seconds(process.pid)
-            episodes = -episode_seconds(notes)
+            episodes, idle = -episode_seconds(notes), -idle_seconds()
             wait_for_generation(process, file, part.generations - 1)
             after = core_seconds(process.pid), listening_seconds(process.pid)
-            episodes += episode_seconds(notes)
+            episodes, idle = episodes + episode_seconds(notes), idle + idle_seconds()
             process.wait()
         finally:
             if process.poll() is None:
@@ -171,7 +180,7 @@ def run_graph(part: Part, seed: int) -> Measured:
     cores, listening = (
         {kind: b[kind] - a.get(kind, 0.0) for kind in b} for a, b in zip(before, after, strict=True)
     )
-    return Measured(seconds, cores, digest, listening, episodes)
+    return Measured(seconds, cores, digest, listening, episodes, idle)
 
 
 def shares(busy: Measured, graph: Measured) -> dict[str, float]:
@@ -185,7 +194,8 @@ def shares(busy: Measured, graph: Measured) -> dict[str, float]:
         parts[part] *= graph.episodes / sum(simulated)
     parts["crowding"] = training - parts["critic"]
     parts["messages"] = used - sum(parts.values())
-    parts["waiting"] = available - used
+    parts["waiting"] = graph.idle
+    parts["other processes"] = available - used - graph.idle
     return {part: seconds / available for part, seconds in parts.items()}
 
 
