@@ -265,6 +265,10 @@ def main() -> None:
     parser.add_argument("--part", choices=PARTS, help="one part only")
     parser.add_argument("--picture", type=Path, help="PNG to draw the shares into")
     arguments = parser.parse_args()
+    if os.cpu_count() != CORES:
+        raise SystemExit(
+            f"This bench divides the time of {CORES} cores; here are {os.cpu_count()}."
+        )
     chosen = [arguments.part] if arguments.part else list(PARTS)
     figures = {name: measure(name, PARTS[name], arguments.rounds) for name in chosen}
     if arguments.picture:

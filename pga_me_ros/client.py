@@ -74,7 +74,8 @@ class RepertoireClient:
         Raises:
             BehaviorNotFoundError: None fits.
             RepertoireTimeoutError: No answer before the deadline.
-            BlockedExecutorError: Called in a callback of the node's executor.
+            BlockedExecutorError: Called in a callback of the node's executor. rclpy's events executor does not show
+                that it is the one: there such a call ends at its deadline.
             RequestError: The arguments make no sense.
             NetworkError: The answer's controller is malformed.
         """

@@ -45,7 +45,8 @@ STATUS = {status: getattr(AddToArchive.Request, status.name) for status in Statu
 
 
 ELDER = 5.0
-"""Seconds after the start: a namesake that is heard within them was there before."""
+"""Seconds after the start: a namesake that is heard within them was there before, or started at about the same time;
+then both leave, as better none answers than two in turn."""
 
 
 @dataclass(frozen=True)

@@ -38,6 +38,16 @@ class CalmLogger:
         with self._terminal.aside():
             self._logger.warning(message)
 
+    def warn(self, message: str) -> None:
+        """Log what it copes with, as rclpy itself does."""
+        self.warning(message)
+
+    def fatal(self, message: str) -> None:
+        """Log a fault, as rclpy does of what a callback raises."""
+        self._terminal.note(f"fatal: {message}")
+        with self._terminal.aside():
+            self._logger.fatal(message)
+
     def error(self, message: str) -> None:
         """Log what it does not cope with."""
         self._terminal.note(f"error: {message}")

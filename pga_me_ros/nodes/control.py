@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from typing import Any
 
 from rclpy.impl.rcutils_logger import RcutilsLogger
@@ -30,11 +31,13 @@ class Control(EndingNode):
         stop_requested: Set when the run is to end.
         paused: Set while no new generation is to begin.
         terminal: Where progress is shown.
+        began: Moment, of the monotonic clock, since when it is found by other nodes and finds them.
     """
 
     def __init__(self) -> None:
         self.terminal = Terminal()
         super().__init__("orchestrator", automatically_declare_parameters_from_overrides=True)
+        self.began = time.monotonic()
         self._refusals = CalmRefusals()
         shield(self, self.refused)
         self.settings, options = declare_run(self, RunOptions)

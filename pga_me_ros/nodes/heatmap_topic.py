@@ -8,6 +8,7 @@ from typing import Any
 
 from builtin_interfaces.msg import Time
 from nav_msgs.msg import OccupancyGrid
+from rclpy._rclpy_pybind11 import RCLError
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from sensor_msgs.msg import Image
@@ -58,8 +59,12 @@ class ArchivePictures:
             picture.newest = None
 
     def _look(self) -> None:
-        for picture in self._pictures:
-            picture.look(self._archive, self._node)
+        try:
+            for picture in self._pictures:
+                picture.look(self._archive, self._node)
+        except RCLError:
+            if self._node.context.ok():
+                raise  # else a signal shut ROS 2 down while a picture was drawn
 
 
 class _Picture:

@@ -11,13 +11,13 @@ from pathlib import Path
 from typing import Any
 
 from pga_me_msgs.msg import NodeStatus
-from rclpy.node import Node
 
 from pga_me_ros.core.critic_checkpoint import CriticCheckpoints
 from pga_me_ros.core.errors import PgaError
 from pga_me_ros.core.run_directory import RunDirectory
 from pga_me_ros.core.storage_file import explained
 from pga_me_ros.nodes.children import Children
+from pga_me_ros.nodes.control import Control
 from pga_me_ros.nodes.evaluator_pool import EvaluatorPool
 from pga_me_ros.ros.command_line import remappings
 from pga_me_ros.ros.namesakes import listening_time
@@ -42,7 +42,7 @@ class Team:
         arrivals: How often a child has said for the first time that it is up.
     """
 
-    def __init__(self, node: Node, directory: RunDirectory, pool: EvaluatorPool) -> None:
+    def __init__(self, node: Control, directory: RunDirectory, pool: EvaluatorPool) -> None:
         self._node = node
         self._directory = directory
         self._pool = pool
@@ -56,7 +56,6 @@ class Team:
         self._seen: dict[str, float] = {}
         self._silent: set[str] = set()
         self._foreign: NodeStatus | None = None
-        self._since = time.monotonic()
         self.arrivals = 0
 
     def start_archive(self, *, grow: bool) -> None:
@@ -117,7 +116,7 @@ class Team:
         children = self.children
         if any((name, children.pid(name)) not in self._alive for name in children.names()):
             return False
-        return time.monotonic() - self._since >= listening_time(self._node, *SINGLETONS)
+        return time.monotonic() - self._node.began >= listening_time(self._node, *SINGLETONS)
 
     def tick(self) -> None:
         """Restart what has died, and tell of what has fallen silent.

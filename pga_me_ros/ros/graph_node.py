@@ -97,7 +97,8 @@ class GraphNode(EndingNode):
                 handler(request, response)
             except PgaError as error:
                 self._refuse(response, ok_field, name, str(error))
-            except ExternalShutdownException:
+            except (ExternalShutdownException, KeyboardInterrupt) as error:
+                self.end(error)
                 return None
             except Exception as error:  # a fault must not take the node down with it
                 if not self.context.ok():  # no fault: a signal came in the middle of the work

@@ -6,10 +6,10 @@ from rclpy._rclpy_pybind11 import RCLError
 from rclpy.exceptions import NameValidationException
 from rclpy.node import Node
 
-LISTEN = 3.5
-"""Seconds in which a living namesake is heard. All nodes of the graph give a sign of life every second. Mostly two
-nodes find each other at once, but every few times what one says of itself comes too early for the other, and Fast DDS
-repeats it after up to 3 s."""
+LISTEN = 4.0
+"""Seconds in which a living namesake is heard. Mostly two nodes find each other at once, but every few times what one
+says of itself comes too early for the other, and Fast DDS repeats it after up to 3 s. Then the next sign of life has to
+come, one every second."""
 
 LISTEN_ON = 5.0
 """Seconds to listen when the graph has the name more than once: discovery is slow, or a namesake was killed lately."""

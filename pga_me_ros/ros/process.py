@@ -43,7 +43,7 @@ def run_node(
         return 0
     except Exception as error:
         if running and isinstance(error, RCLError) and not rclpy.ok():
-            return 0  # a signal shut ROS 2 down while the executor was between two waits
+            return 0  # a signal shut ROS 2 down in the middle of some work
         return report(error, starting=not running)
     finally:
         if node is not None:

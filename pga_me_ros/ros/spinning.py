@@ -22,9 +22,9 @@ class EndingNode(Node):
         outcome: Why spinning ends, None while it goes on.
     """
 
-    outcome: Exception | None = None
+    outcome: BaseException | None = None
 
-    def end(self, outcome: Exception) -> None:
+    def end(self, outcome: BaseException) -> None:
         """End spinning, from any thread; the first outcome counts.
 
         Args:
@@ -43,7 +43,7 @@ def spin(node: EndingNode) -> None:
         node: The node.
 
     Raises:
-        Exception: The node's `outcome`, or what a callback raised.
+        BaseException: The node's `outcome`, or what a callback raised.
         ExternalShutdownException: ROS 2 was shut down, as by a signal.
     """
     executor = EventsExecutor(context=node.context)

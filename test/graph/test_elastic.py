@@ -44,6 +44,7 @@ def test_evaluators_join_and_leave_in_every_manner(
     quits.signal(signal.SIGTERM)
     assert quits.wait() == 0
     assert "Traceback" not in quits.output
+    assert "Exception in" not in quits.output
     run.wait_for_output("has been silent")
     returned_to = len(signs)
     hangs.signal(signal.SIGCONT)
@@ -70,6 +71,7 @@ def test_an_evaluator_leaves_its_name_to_one_that_was_there_before(
     )
     assert "-r __node:=NAME" in second.output
     assert "Traceback" not in second.output
+    assert "Exception in" not in second.output
     assert first.process.poll() is None
 
 

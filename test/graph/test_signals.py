@@ -59,6 +59,7 @@ def test_a_signal_stops_soon_and_says_how_to_resume(
     assert "evaluations are safe" in run.output
     assert "the same command resumes" in run.output
     assert "Traceback" not in run.output
+    assert "Exception in" not in run.output
 
 
 def test_a_stopped_run_resumes_with_the_same_command(graph: Graph, tmp_path: Path) -> None:
@@ -80,6 +81,7 @@ def test_more_signals_leave_neither_traceback_nor_orphan(graph: Graph, tmp_path:
     wait_until(has_ended, "the end")
     assert run.process.returncode == 130, run.output
     assert "Traceback" not in run.output
+    assert "Exception in" not in run.output
     wait_for_no_children(run_dir)
 
 
@@ -90,6 +92,7 @@ def test_a_signal_while_the_run_starts_ends_it(graph: Graph, tmp_path: Path) -> 
     run.signal(signal.SIGINT)
     assert run.wait(SOON) == 130, run.output
     assert "Traceback" not in run.output
+    assert "Exception in" not in run.output
     assert not children(run_dir)
 
 

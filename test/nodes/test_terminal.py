@@ -47,10 +47,15 @@ def test_what_was_shown_is_kept_with_its_time(tmp_path: Path) -> None:
         terminal.say("before the file")
         terminal.record(tmp_path / "orchestrator.log")
         terminal.show(PARTS)
-        CalmLogger(get_logger("terminal"), terminal).warning("a leg is missing")
+        logger = CalmLogger(get_logger("terminal"), terminal)
+        logger.warning("a leg is missing")
+        logger.warn("another one")  # as rclpy does of what a callback raises
+        logger.fatal("fell over")
     lines = (tmp_path / "orchestrator.log").read_text().splitlines()
     assert [line.partition(" ")[2] for line in lines] == [
         "qd_ant  evaluations 5/9  best 3",
         "warning: a leg is missing",
+        "warning: another one",
+        "fatal: fell over",
     ] * 2
     assert all(datetime.fromisoformat(line.split()[0]).tzinfo for line in lines)

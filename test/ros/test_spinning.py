@@ -12,7 +12,7 @@ import pytest
 import rclpy
 from domain_coordinator import domain_id
 from rclpy.context import Context
-from rclpy.executors import ExternalShutdownException
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from std_srvs.srv import Trigger
 
 from pga_me_ros.core.errors import PgaError
@@ -123,32 +123,27 @@ def test_a_node_to_which_nothing_happens_leaves_the_cores_alone(node: EndingNode
     assert in_thread(used).result(DEADLINE) < 0.2
 
 
-def test_a_service_of_a_node_that_ends_gives_no_answer(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    with domain_id() as domain:
-        rclpy.init(domain_id=domain)
-        try:
-            answers_once_it_goes_on()
-        finally:
-            rclpy.shutdown()
-
-
-def answers_once_it_goes_on() -> None:
-    node = GraphNode("node")
-    asked: list[Any] = []
+def test_a_service_whose_node_is_shut_down_meanwhile_gives_no_answer(
+    monkeypatch: pytest.MonkeyPatch, context: Context
+) -> None:
+    """The handler fails because of the shutdown, as whatever needs ROS does."""
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(context.get_domain_id()))
+    rclpy.init()
+    serving = GraphNode("node")
 
     def handle(request: Trigger.Request, response: Trigger.Response) -> None:
-        asked.append(request)
-        if len(asked) == 1:
-            raise ExternalShutdownException
-        response.message = "here I am"
+        rclpy.shutdown()
+        raise RuntimeError("no ROS any more")
 
-    node.serve(Trigger, "service", handle, ok_field="success")
-    client = node.create_client(Trigger, "service")
+    serving.serve(Trigger, "service", handle, ok_field="success")
+    asking = rclpy.create_node("asking", context=context)
+    client = asking.create_client(Trigger, "service")
     assert client.wait_for_service(DEADLINE)
-    first, second = (client.call_async(Trigger.Request()) for _ in range(2))
-    second.add_done_callback(lambda _: node.end(PgaError("enough")))
-    assert "enough" in str(spun(node))
-    assert second.result() == Trigger.Response(success=True, message="here I am")
-    assert not first.done()
-    node.destroy_node()
+    answer = client.call_async(Trigger.Request())
+    assert isinstance(spun(serving), ExternalShutdownException)
+    executor = SingleThreadedExecutor(context=context)
+    executor.add_node(asking)
+    executor.spin_until_future_complete(answer, 0.5)
+    assert not answer.done()
+    serving.destroy_node()
+    asking.destroy_node()
