@@ -16,7 +16,7 @@ from _run_times import committed
 from pga_me_ros.core.storage import Repertoire
 
 POLL = 0.02
-"""Seconds between two looks."""
+"""Seconds between two looks at what other processes do, of which nobody tells."""
 
 PATIENCE = 180.0
 """Seconds after which a run that does not get on is taken for stuck."""

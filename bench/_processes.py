@@ -38,7 +38,7 @@ def wait_for_generation(process: subprocess.Popen[bytes], file: Path, generation
     while len(committed(file)) <= generation:
         if process.poll() not in (None, 0):
             raise SystemExit(f"the orchestrator ended with {process.returncode}")
-        time.sleep(0.1)
+        time.sleep(0.1)  # nobody tells when another process has written to the file
 
 
 def kinds_of_processes(orchestrator: int) -> list[tuple[int, str]]:

@@ -13,7 +13,7 @@ from pathlib import Path
 from pga_me_ros.core.errors import StorageError
 
 POLL = 0.05
-"""Seconds between two attempts to take a lock that is waited for."""
+"""Seconds between two attempts to take a lock that is waited for: flock itself knows no time limit."""
 
 
 class LockedError(StorageError):

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-import os
-import socket
-import time
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from pga_me_msgs.msg import Metrics as MetricsMsg
-from pga_me_msgs.msg import NodeStatus
 from pga_me_msgs.srv import AddToArchive, SampleParents
 
 from pga_me_ros.core.elites import NO_PARENT, Operator, Solutions, Status
-from pga_me_ros.core.errors import PgaError, RequestError, SettingsError, StorageError
+from pga_me_ros.core.errors import RequestError, SettingsError, StorageError
 from pga_me_ros.core.metrics import Metrics, generation_metrics
 from pga_me_ros.core.metrics_file import METRICS_FILE, MetricsFile
 from pga_me_ros.core.schedule import evaluation_ids
@@ -36,17 +32,15 @@ from pga_me_ros.ros.convert import (
     with_rates,
 )
 from pga_me_ros.ros.graph_node import GraphNode
+from pga_me_ros.ros.namesakes import leave_to_elders
 from pga_me_ros.ros.parameters import declare
 from pga_me_ros.ros.process import run_node
-from pga_me_ros.ros.refusals import printable
 
 STATUS = {status: getattr(AddToArchive.Request, status.name) for status in Status}
 """What became of a solution, as the message numbers it."""
 
-
-ELDER = 5.0
-"""Seconds after the start: a namesake that is heard within them was there before, or started at about the same time;
-then both leave, as better none answers than two in turn."""
+OTHER_NAME = "Stop that node, or give this one a namespace (--ros-args -r __ns:=/NAME) or another ROS_DOMAIN_ID."
+"""What can be done where another archive manager has the name."""
 
 
 @dataclass(frozen=True)
@@ -86,26 +80,10 @@ class ArchiveManager(GraphNode):
             self._table.rebuild(generations)
             self.serve(AddToArchive, names.ADD_TO_ARCHIVE, self._add)
             self.serve(SampleParents, names.SAMPLE_PARENTS, self._sample)
-        else:
-            self._since = time.monotonic()
-            self.create_subscription(NodeStatus, names.STATUS, self._make_way, qos.STATUS)
+        else:  # a run's own is never disturbed
+            leave_to_elders(self, lambda msg: msg.kind == "archive_manager", OTHER_NAME)
         self._show()
         self.start_heartbeat(run_id=self._info.run_id, task=self._info.task["name"])
-
-    def _make_way(self, msg: NodeStatus) -> None:
-        """Leave the name to an archive manager that was there before; a run's own is never disturbed."""
-        ours = (socket.gethostname(), os.getpid())
-        was_there = time.monotonic() - self._since < ELDER
-        if msg.kind == "archive_manager" and (msg.host, msg.pid) != ours and was_there:
-            who = printable(
-                f"{msg.node} is taken in this ROS domain by process {msg.pid} on {msg.host}"
-            )
-            self.end(
-                PgaError(
-                    f"The name {who}. Stop that node, or give this one a namespace (--ros-args -r __ns:=/NAME) or "
-                    "another ROS_DOMAIN_ID."
-                )
-            )
 
     @property
     def _last_generation(self) -> int:

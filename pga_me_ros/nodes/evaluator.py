@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import socket
 import threading
 import time
 from dataclasses import dataclass, fields
@@ -15,11 +14,11 @@ os.environ.setdefault(
 
 import numpy as np
 import rclpy
-from pga_me_msgs.msg import NodeStatus, Transitions
+from pga_me_msgs.msg import Transitions
 from pga_me_msgs.srv import Evaluate
 from rclpy.executors import ExternalShutdownException
 
-from pga_me_ros.core.errors import PgaError, RequestError
+from pga_me_ros.core.errors import RequestError
 from pga_me_ros.core.exploration import exploring
 from pga_me_ros.core.policy import Controller
 from pga_me_ros.core.schedule import evaluation_rng
@@ -31,11 +30,10 @@ from pga_me_ros.ros.command_line import Program
 from pga_me_ros.ros.convert import episode_to_msg, finite, flat, layers_from_msg, shaped
 from pga_me_ros.ros.environment import LOCAL_NOTE, is_local
 from pga_me_ros.ros.graph_node import GraphNode, own_name
-from pga_me_ros.ros.namesakes import listening_time
+from pga_me_ros.ros.namesakes import leave_to_elders, listening_time
 from pga_me_ros.ros.parameters import declare
 from pga_me_ros.ros.parent_watch import PARENT_WATCH
 from pga_me_ros.ros.process import run_node
-from pga_me_ros.ros.refusals import printable
 from pga_me_ros.tasks.registry import make_task
 from pga_me_ros.tasks.rollout import Episode, rollout
 
@@ -46,8 +44,8 @@ HELD = 0.1
 """Seconds that an episode may be held back, to be published together with the next ones: taking ten short ones that
 came together costs a reader half as much as taking one after the other."""
 
-ELDER = 5.0
-"""Seconds after the start: a namesake that is heard within them was there before."""
+OTHER_NAME = "Give this evaluator another one (--ros-args -r __node:=NAME), or none: it then makes up its own."
+"""What can be done where another evaluator has the name."""
 
 EXPLORATION_SIGMA = next(f for f in fields(Settings) if f.name == "exploration_sigma")
 """The setting that says which noise there may be."""
@@ -111,27 +109,12 @@ class Evaluator(GraphNode):
         Raises:
             PgaError: One is there.
         """
-        self._since = time.monotonic()
-        self.create_subscription(NodeStatus, names.STATUS, self._make_way, qos.STATUS)
-        while time.monotonic() < self._since + listening_time(self, self.get_name()):
+        leave_to_elders(self, lambda msg: msg.node == self.get_fully_qualified_name(), OTHER_NAME)
+        start = time.monotonic()
+        while time.monotonic() < start + listening_time(self, self.get_name()):
             rclpy.spin_once(self, timeout_sec=0.1)
             if self.outcome is not None:
                 raise self.outcome
-
-    def _make_way(self, msg: NodeStatus) -> None:
-        """Leave the name to an evaluator that was there before."""
-        is_other = (msg.host, msg.pid) != (socket.gethostname(), os.getpid())
-        was_there = time.monotonic() - self._since < ELDER
-        if msg.node == self.get_fully_qualified_name() and is_other and was_there:
-            who = printable(
-                f"{msg.node} is taken in this ROS domain by process {msg.pid} on {msg.host}"
-            )
-            self.end(
-                PgaError(
-                    f"The name {who}. Give this evaluator another one (--ros-args -r __node:=NAME), or none: it then "
-                    "makes up its own."
-                )
-            )
 
     def _wait_for_reader(self) -> None:
         """Give discovery a moment before an episode that nobody would hear of: it would have to be done again.

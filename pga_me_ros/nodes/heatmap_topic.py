@@ -8,7 +8,6 @@ from typing import Any
 
 from builtin_interfaces.msg import Time
 from nav_msgs.msg import OccupancyGrid
-from rclpy._rclpy_pybind11 import RCLError
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from sensor_msgs.msg import Image
@@ -18,6 +17,7 @@ from pga_me_ros.core.heatmap import render
 from pga_me_ros.core.occupancy import FitnessMap
 from pga_me_ros.ros import names, qos
 from pga_me_ros.ros.convert import image_to_msg
+from pga_me_ros.ros.spinning import EndingNode
 
 PERIOD = 0.5
 """Seconds between two looks at whether a picture is wanted: a run may finish several generations in a second."""
@@ -39,7 +39,7 @@ class ArchivePictures:
         archive: The archive; tell by `changed` when it is another one or has other elites.
     """
 
-    def __init__(self, node: Node, archive: Archive) -> None:
+    def __init__(self, node: EndingNode, archive: Archive) -> None:
         self._node = node
         self._archive = archive
         self._pictures = [_Picture(node, Image, names.HEATMAP, _heatmap)]
@@ -50,7 +50,8 @@ class ArchivePictures:
                 return map_to_msg(shown, archive, stamp)
 
             self._pictures.append(_Picture(node, OccupancyGrid, names.GRID, draw))
-        node.create_timer(PERIOD, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        node.create_timer(PERIOD, node.unless_ended(self._look), clock=steady)
 
     def changed(self, archive: Archive) -> None:
         """Say that the pictures are out of date."""
@@ -59,12 +60,8 @@ class ArchivePictures:
             picture.newest = None
 
     def _look(self) -> None:
-        try:
-            for picture in self._pictures:
-                picture.look(self._archive, self._node)
-        except RCLError:
-            if self._node.context.ok():
-                raise  # else a signal shut ROS 2 down while a picture was drawn
+        for picture in self._pictures:
+            picture.look(self._archive, self._node)
 
 
 class _Picture:

@@ -27,7 +27,7 @@ OFFERED: dict[str, tuple[type, QoSProfile]] = {
 """What is published, by type, and what is offered: experience as deep as whoever takes it for good."""
 
 LOOK = 0.02
-"""Seconds between two looks at whether somebody listens."""
+"""Seconds between two looks at whether somebody listens: a node that nobody spins hears of no event."""
 
 BURST = 1000
 """Messages that are published without a look at whether they arrived, which takes a second; a writer keeps more."""

@@ -12,7 +12,6 @@ from typing import Any
 
 from pga_me_msgs.msg import NodeStatus
 from rclpy._rclpy_pybind11 import RCLError
-from rclpy.executors import ExternalShutdownException
 from rclpy.qos import QoSProfile, qos_profile_services_default
 from rclpy.service import Service
 
@@ -97,19 +96,18 @@ class GraphNode(EndingNode):
                 handler(request, response)
             except PgaError as error:
                 self._refuse(response, ok_field, name, str(error))
-            except (ExternalShutdownException, KeyboardInterrupt) as error:
-                self.end(error)
-                return None
             except Exception as error:  # a fault must not take the node down with it
                 if not self.context.ok():  # no fault: a signal came in the middle of the work
-                    return None
+                    raise
                 self.get_logger().error(traceback.format_exc())
                 reason = f"internal fault: {type(error).__name__}: {error}"
                 self._refuse(response, ok_field, name, reason)
                 self.diagnostics.fault(self._beat.last_error)
             return response
 
-        service = self.create_service(srv_type, name, callback, qos_profile=qos_profile)
+        service = self.create_service(
+            srv_type, name, self.unless_ended(callback), qos_profile=qos_profile
+        )
         send = service.send_response
 
         def answer(response: Any, header: Any) -> None:

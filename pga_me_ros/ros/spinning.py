@@ -6,9 +6,14 @@ passes per message: in a loop of short episodes, 2.5 % of all the work that a ru
 
 from __future__ import annotations
 
-from rclpy.executors import Executor
+from collections.abc import Callable
+from typing import Any
+
+from rclpy.executors import Executor, ExternalShutdownException
 from rclpy.experimental.events_executor import EventsExecutor
 from rclpy.node import Node
+
+Callback = Callable[..., Any]
 
 LONGEST_WAIT = 60.0
 """Seconds between two looks of a node to which nothing happens. rclpy's own `spin` sets no bound, that is, the latest
@@ -34,6 +39,27 @@ class EndingNode(Node):
         executor: Executor | None = self.executor
         if executor is not None:
             executor.create_task(lambda: None)  # wakes it, wherever it waits
+
+    def unless_ended(self, callback: Callback) -> Callback:
+        """Return a callback in whose middle a signal may come: what fails because of it ends the node, and is no fault.
+
+        Args:
+            callback: The callback. ROS 2 may be shut down while it works, or a KeyboardInterrupt be raised in it; None
+                is returned then.
+        """
+
+        def call(*arguments: Any) -> Any:
+            try:
+                return callback(*arguments)
+            except KeyboardInterrupt as error:
+                self.end(error)
+            except Exception:
+                if self.context.ok():
+                    raise
+                self.end(ExternalShutdownException())
+            return None
+
+        return call
 
 
 def spin(node: EndingNode) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from domain_coordinator import domain_id
 from graph import Graph, Probe
+from stored import Served, served
 
 EXACT = ("test_chaos", "test_determinism", "test_recovery", "test_fuzz", "test_stray_snapshots")
 """Tests of what must hold every single time."""
@@ -25,6 +26,13 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
             item.add_marker(pytest.mark.skip(reason="takes minutes: make two-hosts"))
         if here in item.path.parents and item.path.stem not in EXACT:
             item.add_marker(pytest.mark.flaky(reruns=2))
+
+
+@pytest.fixture(scope="module")
+def repertoire(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
+    """A small finished repertoire that an archive manager serves to all tests of a file."""
+    with served(tmp_path_factory.mktemp("served")) as repertoire:
+        yield repertoire
 
 
 @pytest.fixture

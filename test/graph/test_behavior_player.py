@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import signal
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -17,7 +16,7 @@ from nav_msgs.msg import Odometry
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
-from stored import SETTINGS, SHAPE, SPEC, Served, served
+from stored import SETTINGS, SHAPE, SPEC, Served
 from tf2_msgs.msg import TFMessage
 
 from pga_me_ros.core.policy import Controller
@@ -91,12 +90,6 @@ class Heard:
         """Return how many steps of its episode had been done when a message was sent."""
         seconds = msg.header.stamp.sec + 1e-9 * msg.header.stamp.nanosec
         return round(seconds / SPEC.control_period) % len(self.truth.joints)
-
-
-@pytest.fixture(scope="module")
-def repertoire(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
-    with served(tmp_path_factory.mktemp("player")) as it:
-        yield it
 
 
 @pytest.fixture(scope="module")

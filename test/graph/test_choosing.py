@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from graph import Probe
 from pga_me_msgs.srv import GetBehavior, GetBehaviors, ListBehaviors
-from stored import Served, served
+from stored import Served
 
 from pga_me_ros.client import RepertoireClient
 from pga_me_ros.core.errors import RequestError
@@ -20,12 +20,6 @@ from pga_me_ros.core.reevaluations import FILE, Reevaluations
 ASK = GetBehavior.Request
 WANTED = [0.6, 0.4]
 REPEATS = 4
-
-
-@pytest.fixture(scope="module")
-def repertoire(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
-    with served(tmp_path_factory.mktemp("choosing")) as repertoire:
-        yield repertoire
 
 
 @pytest.fixture(scope="module")

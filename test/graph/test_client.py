@@ -20,7 +20,7 @@ from rclpy.context import Context
 from rclpy.executors import Executor, MultiThreadedExecutor, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.task import Future
-from stored import Served, served
+from stored import Served
 
 from pga_me_ros.client import (
     Behavior,
@@ -31,12 +31,6 @@ from pga_me_ros.client import (
 
 SHORT = 0.3
 """Seconds; enough to see that nobody answers."""
-
-
-@pytest.fixture(scope="module")
-def repertoire(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
-    with served(tmp_path_factory.mktemp("served")) as repertoire:
-        yield repertoire
 
 
 @contextmanager

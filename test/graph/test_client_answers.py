@@ -4,23 +4,16 @@ from __future__ import annotations
 
 import signal
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 from graph import wait_until
 from std_msgs.msg import Float32MultiArray
-from stored import Served, served
+from stored import Served
 
 from pga_me_ros.client import BehaviorNotFoundError, RepertoireClient
 from pga_me_ros.core.errors import RequestError
-
-
-@pytest.fixture(scope="module")
-def repertoire(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
-    with served(tmp_path_factory.mktemp("served")) as repertoire:
-        yield repertoire
 
 
 @pytest.fixture
@@ -80,9 +73,7 @@ def test_info_tells_what_the_descriptor_means(client: RepertoireClient) -> None:
     assert len(info.descriptor_names) == len(info.descriptor_high) == 2
 
 
-def test_the_example_finds_a_gait_and_acts(
-    repertoire: Served,
-) -> None:
+def test_the_example_finds_a_gait_and_acts(repertoire: Served) -> None:
     example = Path(__file__).resolve().parents[2] / "examples" / "query_behavior.py"
 
     robot = repertoire.graph.launch([sys.executable, str(example), "0.9", "0.1"])

@@ -26,12 +26,6 @@ BEYOND = 1e6
 
 
 @pytest.fixture(scope="module")
-def repertoire(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
-    with served(tmp_path_factory.mktemp("finished")) as repertoire:
-        yield repertoire
-
-
-@pytest.fixture(scope="module")
 def empty(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
     with served(tmp_path_factory.mktemp("empty"), generations=0) as repertoire:
         yield repertoire

@@ -91,9 +91,10 @@ def test_the_first_outcome_counts(node: EndingNode) -> None:
 
 def test_another_thread_wakes_and_ends_a_node_to_which_nothing_happens(node: EndingNode) -> None:
     outcome = PgaError("from outside")
+    began = threading.Event()
+    after(0.01, node, began.set)
     serving = spinning(node)
-    while node.executor is None:
-        time.sleep(0.001)
+    assert began.wait(DEADLINE)
     node.end(outcome)
     assert serving.exception(DEADLINE) is outcome
 
@@ -109,6 +110,29 @@ def test_what_a_callback_raises_ends_the_node(node: EndingNode) -> None:
 def test_a_shutdown_ends_the_node(node: EndingNode, context: Context) -> None:
     threading.Timer(0.1, context.shutdown).start()
     assert isinstance(spun(node), ExternalShutdownException)
+
+
+def test_a_callback_that_a_signal_interrupts_ends_the_node(node: EndingNode) -> None:
+    def interrupted() -> None:
+        raise KeyboardInterrupt
+
+    assert node.unless_ended(interrupted)() is None
+    assert isinstance(node.outcome, KeyboardInterrupt)
+
+
+def test_a_callback_that_fails_because_of_a_shutdown_ends_the_node(
+    node: EndingNode, context: Context
+) -> None:
+    def fault() -> None:
+        raise ValueError("a fault")
+
+    callback = node.unless_ended(fault)
+    with pytest.raises(ValueError, match="a fault"):
+        callback()
+    assert node.outcome is None
+    context.shutdown()
+    assert callback() is None
+    assert isinstance(node.outcome, ExternalShutdownException)
 
 
 def test_a_node_to_which_nothing_happens_leaves_the_cores_alone(node: EndingNode) -> None:
