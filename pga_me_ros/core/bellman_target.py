@@ -1,14 +1,14 @@
 """What the critics should return: y of Eq. 5 of Nilsson & Cully (2021)."""
 
-from __future__ import annotations
-
+# Annotations stay types: see `compiled`.
 import torch
 from torch import Tensor
 
+from pga_me_ros.core.compiled import compiled
+from pga_me_ros.core.perceptrons import Perceptrons, forward, perceptrons
 from pga_me_ros.core.policy import MlpShape
 from pga_me_ros.core.settings import Settings
-from pga_me_ros.core.torch_nets import MlpStack
-from pga_me_ros.core.training_batch import TrainingBatch
+from pga_me_ros.core.training_batch import Transitions
 
 
 class BellmanTarget:
@@ -31,31 +31,54 @@ class BellmanTarget:
         rows: int,
     ) -> None:
         """Reserve the memory."""
-        self._greedy = MlpStack(greedy_shape, greedy, rows, tanh=True)
-        self._critics = [MlpStack(critic_shape, target, rows, tanh=False) for target in critics]
+        self._greedy = perceptrons(greedy_shape, greedy, rows, tanh=True)
+        self._critics = [perceptrons(critic_shape, target, rows, tanh=False) for target in critics]
         self._inputs = greedy.new_zeros((1, rows, critic_shape.sizes[0]))
         obs_dim, act_dim = greedy_shape.sizes[0], greedy_shape.sizes[-1]
         self._states, self._actions = self._inputs.split([obs_dim, act_dim], dim=2)
 
-    def fill(self, batches: list[TrainingBatch], settings: Settings) -> None:
+    def fill(self, batches: list[Transitions], settings: Settings) -> None:
         """Fill in y of some batches (Alg. 4, lines 4-5).
 
         Args:
             batches: The batches.
             settings: Settings with the rates in force.
         """
-        for batch in batches:
-            self._act(batch, clip=settings.target_action == "clip")
-            q1, q2 = (q for stack in self._critics for q in stack.forward(self._inputs))
-            torch.minimum(q1, q2, out=batch.y)
-            batch.y.mul_(settings.discount)
-            if settings.terminal == "mask":
-                batch.y.mul_(batch.not_done)
-            batch.y.add_(batch.rewards)
+        _fill(
+            self._greedy,
+            self._critics,
+            batches,
+            self._inputs,
+            self._states,
+            self._actions,
+            settings.discount,
+            clip=settings.target_action == "clip",
+            mask=settings.terminal == "mask",
+        )
 
-    def _act(self, batch: TrainingBatch, *, clip: bool) -> None:
-        """Have the greedy controller's target act in the next states, with noise."""
-        self._states.copy_(batch.next_states)
-        torch.add(self._greedy.forward(batch.next_states), batch.noise, out=self._actions)
+
+@compiled
+def _fill(
+    greedy: Perceptrons,
+    critics: list[Perceptrons],
+    batches: list[Transitions],
+    inputs: Tensor,
+    states: Tensor,
+    actions: Tensor,
+    discount: float,
+    clip: bool,
+    mask: bool,
+) -> None:
+    for batch in batches:
+        # The greedy controller's target acts in the next states, with noise.
+        states.copy_(batch.next_states)
+        torch.add(forward(greedy, batch.next_states), batch.noise, out=actions)
         if clip:
-            self._actions.clamp_(-1.0, 1.0)
+            actions.clamp_(-1.0, 1.0)
+        first = forward(critics[0], inputs)
+        second = forward(critics[1], inputs) if len(critics) > 1 else first
+        torch.minimum(first[0], second[-1], out=batch.y)
+        batch.y.mul_(discount)
+        if mask:
+            batch.y.mul_(batch.not_done)
+        batch.y.add_(batch.rewards)

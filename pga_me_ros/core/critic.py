@@ -17,6 +17,7 @@ from torch import Tensor
 
 from pga_me_ros.core.bellman_target import BellmanTarget
 from pga_me_ros.core.errors import NetworkError, StorageError
+from pga_me_ros.core.flat_adam import adam_step, flat_adam, reset_adam
 from pga_me_ros.core.policy import (
     RobotDimensions,
     Vector,
@@ -29,10 +30,10 @@ from pga_me_ros.core.replay import TransitionSource
 from pga_me_ros.core.rng import Purpose, generator
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.core.side_by_side import SideBySide
-from pga_me_ros.core.torch_nets import FlatAdam, choose_device, torch_threads
+from pga_me_ros.core.torch_device import choose_device, torch_threads
 from pga_me_ros.core.training_batch import TrainingBatch
 from pga_me_ros.core.twin_critics import TwinCritics
-from pga_me_ros.core.value_ascent import ValueAscent
+from pga_me_ros.core.value_ascent import ValueAscent, climb, value_ascent
 
 BLOCK = 8
 """Steps that are prepared together at most; more would bring nothing and need memory."""
@@ -79,7 +80,7 @@ class CriticTrainer:
             self.critic_shape, torch.from_numpy(critics).to(self.device), rows
         )
         self._greedy = torch.from_numpy(greedy).to(self.device)
-        self._greedy_adam = FlatAdam(self._greedy)
+        self._greedy_adam = flat_adam(self._greedy)
         self._greedy_target = self._greedy.clone()
         parts = self._critics.parts
         # As many as there are parts, so that two threads are busy with these, too.
@@ -93,9 +94,9 @@ class CriticTrainer:
             )
             for _ in parts
         ]
-        q1 = parts[0].online.parameters[:1]
+        q1 = parts[0].online[:1]
         self._ascents = [
-            ValueAscent(
+            value_ascent(
                 self._greedy, self.greedy_shape, q1, self.critic_shape, len(share), 1.0 / rows
             )
             for share in torch.empty(rows).chunk(len(parts))
@@ -164,37 +165,38 @@ class CriticTrainer:
         def prepare(target: BellmanTarget, share: list[TrainingBatch]) -> None:
             for batch in share:
                 batch.gather(replay, rates)
-            target.fill(share, rates)
+            target.fill([batch.transitions for batch in share], rates)
 
         n = len(self._targets)
         works = [partial(prepare, t, batches[i::n]) for i, t in enumerate(self._targets)]
         self._side_by_side(*works)
         rate = rates.critic_learning_rate
         parts = self._critics.parts
-        self._side_by_side(*(partial(part.descend, batches, rate) for part in parts))
+        transitions = [batch.transitions for batch in batches]
+        self._side_by_side(*(partial(part.descend, transitions, rate) for part in parts))
         if block[-1] % rates.target_period == 0:
-            self._update_greedy(batches[-1].states, rates)
+            self._update_greedy(transitions[-1].states, rates)
             self._update_targets(rates)
 
     def _update_greedy(self, states: Tensor, rates: Settings) -> None:
         """Ascend mean Q1(s, pi(s)) of the greedy controller (Alg. 4, lines 8-9); add to its sum."""
 
-        def climb(ascent: ValueAscent, share: Tensor, objective: Tensor) -> None:
-            objective += ascent.climb(share).sum()
+        def add_objective(ascent: ValueAscent, share: Tensor, objective: Tensor) -> None:
+            objective += climb(ascent, share).sum()
 
         works = zip(
             self._ascents, states.chunk(len(self._ascents), dim=1), self._objectives, strict=True
         )
-        self._side_by_side(*(partial(climb, *work) for work in works))
+        self._side_by_side(*(partial(add_objective, *work) for work in works))
         gradient = self._ascents[0].gradient
         for other in self._ascents[1:]:
             gradient += other.gradient
-        self._greedy_adam.step(gradient, rates.greedy_learning_rate, maximize=True)
+        adam_step(self._greedy_adam, gradient, rates.greedy_learning_rate, maximize=True)
 
     def _update_targets(self, rates: Settings) -> None:
         """Move the targets by tau towards their networks (Eq. 4; Alg. 4, lines 10-11)."""
         for part in self._critics.parts:
-            part.target.lerp_(part.online.parameters, rates.target_rate)
+            part.target.lerp_(part.online, rates.target_rate)
         self._greedy_target.lerp_(self._greedy, rates.target_rate)
 
     def greedy_parameters(self) -> Vector:
@@ -217,7 +219,7 @@ class CriticTrainer:
         self.greedy_shape.check(parameters)
         for tensor in (self._greedy, self._greedy_target):
             tensor.copy_(torch.from_numpy(parameters.copy())[None])
-        self._greedy_adam.reset()
+        reset_adam(self._greedy_adam)
 
     def state(self) -> dict[str, NDArray[np.float32]]:
         """Return everything that the next step depends on, as named float32 arrays (copies)."""
@@ -250,9 +252,9 @@ class CriticTrainer:
         return {
             "greedy": self._greedy,
             "greedy_target": self._greedy_target,
-            "greedy_moment1": self._greedy_adam.moment1,
-            "greedy_moment2": self._greedy_adam.moment2,
-            "greedy_steps": self._greedy_adam.steps,
+            "greedy_moment1": self._greedy_adam.moment1[0],
+            "greedy_moment2": self._greedy_adam.moment2[0],
+            "greedy_steps": self._greedy_adam.steps[0],
         }
 
     def _zeros(self, *shape: int) -> Tensor:

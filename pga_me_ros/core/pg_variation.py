@@ -9,10 +9,11 @@ import torch
 from numpy.typing import NDArray
 
 from pga_me_ros.core.errors import NetworkError
+from pga_me_ros.core.flat_adam import flat_adam, reset_adam
 from pga_me_ros.core.helping_threads import GoesOn, do_with_helpers
 from pga_me_ros.core.policy import MlpShape, Vector
-from pga_me_ros.core.torch_nets import FlatAdam, choose_device, torch_threads
-from pga_me_ros.core.value_ascent import ValueAscent
+from pga_me_ros.core.torch_device import choose_device, torch_threads
+from pga_me_ros.core.value_ascent import climb_on, value_ascent
 
 Float32Array = NDArray[np.float32]
 
@@ -106,18 +107,17 @@ class _Climber:
         self._controllers = torch.zeros((size, count), device=problem.device)
         # All follow the same critic; repeated so that a batched product takes them side by side.
         q1 = torch.from_numpy(critic.copy()).to(problem.device).repeat(size, 1)
-        self._ascent = ValueAscent(
+        self._ascent = value_ascent(
             self._controllers, problem.controller_shape, q1, problem.critic_shape, rows
         )
-        self._adam = FlatAdam(self._controllers)
+        self._adam = flat_adam(self._controllers)
 
     def climb(self, parents: Float32Array, batches: Float32Array) -> Float32Array:
         """Return (E, P) offspring of (E, P) parents for batches (E or 1, n_grad, N, obs_dim)."""
         self._controllers.copy_(torch.from_numpy(parents.copy()))
-        self._adam.reset()
-        for states in torch.from_numpy(batches).to(self._device).unbind(1):
-            self._ascent.climb(states)
-            self._adam.step(self._ascent.gradient, self._learning_rate, maximize=True)
+        reset_adam(self._adam)
+        states = list(torch.from_numpy(batches).to(self._device).unbind(1))
+        climb_on(self._ascent, self._adam, states, self._learning_rate)
         return self._controllers.cpu().numpy()
 
 

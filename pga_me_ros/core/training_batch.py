@@ -1,23 +1,19 @@
 """One batch of transitions on its way through a critic training step."""
 
-from __future__ import annotations
+# Annotations stay types: see `compiled`.
+from typing import NamedTuple
 
 import numpy as np
 import torch
+from torch import Tensor
 
 from pga_me_ros.core.replay import TransitionSource
 from pga_me_ros.core.ring import Indices
 from pga_me_ros.core.settings import Settings
 
 
-class TrainingBatch:
-    """N transitions with all that the training on them needs, in memory that stays.
-
-    Args:
-        rows: N.
-        obs_dim: Numbers per state.
-        act_dim: Numbers per action.
-        device: Where torch computes.
+class Transitions(NamedTuple):
+    """N transitions with all that a training step needs of them.
 
     Attributes:
         states: (1, N, obs_dim).
@@ -26,7 +22,29 @@ class TrainingBatch:
         rewards: (N, 1).
         not_done: (N, 1).
         noise: (N, act_dim), the smoothing noise epsilon.
-        y: (N, 1), what the critics should return; filled in later.
+        y: (N, 1), what the critics should return.
+    """
+
+    states: Tensor
+    inputs: Tensor
+    next_states: Tensor
+    rewards: Tensor
+    not_done: Tensor
+    noise: Tensor
+    y: Tensor
+
+
+class TrainingBatch:
+    """Fetches transitions to memory that stays.
+
+    Args:
+        rows: N.
+        obs_dim: Numbers per state.
+        act_dim: Numbers per action.
+        device: Where torch computes.
+
+    Attributes:
+        transitions: What was fetched last; y is left to `BellmanTarget`.
     """
 
     def __init__(self, rows: int, obs_dim: int, act_dim: int, device: torch.device) -> None:
@@ -36,13 +54,15 @@ class TrainingBatch:
         self._noise = np.zeros((rows, act_dim), np.float32)
         self._indices: Indices = np.zeros(rows, np.int64)
         self._tensor = torch.from_numpy(self._rows).to(device)
-        self.noise = torch.from_numpy(self._noise).to(device)
-        self.states = self._tensor[None, :, :obs_dim]
-        self.inputs = self._tensor[None, :, :both]
-        self.next_states = self._tensor[None, :, both:-2]
-        self.rewards = self._tensor[:, -2:-1]
-        self.not_done = self._tensor[:, -1:]
-        self.y = torch.zeros((rows, 1), device=device)
+        self.transitions = Transitions(
+            states=self._tensor[None, :, :obs_dim],
+            inputs=self._tensor[None, :, :both],
+            next_states=self._tensor[None, :, both:-2],
+            rewards=self._tensor[:, -2:-1],
+            not_done=self._tensor[:, -1:],
+            noise=torch.from_numpy(self._noise).to(device),
+            y=torch.zeros((rows, 1), device=device),
+        )
 
     def draw(self, replay: TransitionSource, rng: np.random.Generator) -> None:
         """Draw which transitions, and the smoothing noise (Alg. 4, lines 3-4): all that takes random numbers.
@@ -60,4 +80,4 @@ class TrainingBatch:
         np.clip(self._noise, -rates.smoothing_clip, rates.smoothing_clip, out=self._noise)
         if self._tensor.device.type != "cpu":
             self._tensor.copy_(torch.from_numpy(self._rows))
-            self.noise.copy_(torch.from_numpy(self._noise))
+            self.transitions.noise.copy_(torch.from_numpy(self._noise))

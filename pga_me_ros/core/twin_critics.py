@@ -1,20 +1,21 @@
 """The critics Q1 and Q2 with their targets and optimisers (Eq. 5 of Nilsson & Cully 2021)."""
 
-from __future__ import annotations
-
+# Annotations stay types: see `compiled`.
 import torch
 from torch import Tensor
 
+from pga_me_ros.core.compiled import compiled
+from pga_me_ros.core.flat_adam import Adam, adam_step, flat_adam
+from pga_me_ros.core.perceptrons import Perceptrons, backward, forward, perceptrons
 from pga_me_ros.core.policy import MlpShape
-from pga_me_ros.core.torch_nets import FlatAdam, MlpStack
-from pga_me_ros.core.training_batch import TrainingBatch
+from pga_me_ros.core.training_batch import Transitions
 
 
 class CriticPart:
     """Critics that are computed at once: one of them on a CPU, both on a GPU.
 
     Attributes:
-        online: The critics, E of them.
+        online: (E, P) float32, the critics.
         target: (E, P) float32, their targets.
         adam: Their optimiser.
         loss: Sum over steps and transitions of their squared errors, a scalar.
@@ -28,32 +29,58 @@ class CriticPart:
 
     def __init__(self, shape: MlpShape, parameters: Tensor, rows: int) -> None:
         """Copy the critics into their targets (Alg. 3, line 4)."""
-        self.online = MlpStack(shape, parameters, rows, tanh=False)
+        self.online = parameters
         self.target = parameters.clone()
-        self.adam = FlatAdam(parameters)
+        self.adam = flat_adam(parameters)
         self.loss, self.value = parameters.new_zeros(()), parameters.new_zeros(())
+        self._gradient = torch.zeros_like(parameters)
+        self._critics = perceptrons(shape, parameters, rows, self._gradient, tanh=False)
         self._error = parameters.new_empty((len(parameters), rows, 1))
 
-    def descend(self, batches: list[TrainingBatch], learning_rate: float) -> None:
+    def descend(self, batches: list[Transitions], learning_rate: float) -> None:
         """Take one step down the mean squared error on each batch (Alg. 4, line 6); add to the sums."""
-        for batch in batches:
-            q = self.online.forward(batch.inputs)
-            self.value += q[0].sum()
-            error = torch.sub(q, batch.y, out=self._error)
-            flat = error.flatten()
-            self.loss += torch.dot(flat, flat)
-            self.online.backward(batch.inputs, error.mul_(2.0 / len(batch.y)))
-            self.adam.step(self.online.gradient, learning_rate)
+        _descend(
+            self._critics,
+            self.adam,
+            batches,
+            learning_rate,
+            self._gradient,
+            self._error,
+            self.loss,
+            self.value,
+        )
 
     def tensors(self) -> dict[str, Tensor]:
         """Return what the next step depends on, each of first dimension E, and the optimiser's steps."""
         return {
-            "critics": self.online.parameters,
+            "critics": self.online,
             "critic_targets": self.target,
-            "critic_moment1": self.adam.moment1,
-            "critic_moment2": self.adam.moment2,
-            "critic_steps": self.adam.steps,
+            "critic_moment1": self.adam.moment1[0],
+            "critic_moment2": self.adam.moment2[0],
+            "critic_steps": self.adam.steps[0],
         }
+
+
+@compiled
+def _descend(
+    critics: Perceptrons,
+    adam: Adam,
+    batches: list[Transitions],
+    learning_rate: float,
+    gradient: Tensor,
+    error: Tensor,
+    loss: Tensor,
+    value: Tensor,
+) -> None:
+    for batch in batches:
+        q = forward(critics, batch.inputs)
+        value.add_(q[0].sum())
+        torch.sub(q, batch.y, out=error)
+        flat = error.flatten()
+        loss.add_(torch.dot(flat, flat))
+        error.mul_(2.0 / len(batch.y))
+        backward(critics, batch.inputs, error)
+        adam_step(adam, gradient, learning_rate, maximize=False)
 
 
 class TwinCritics:
@@ -96,7 +123,7 @@ class TwinCritics:
         """Continue from tensors like those of `state`."""
         start = 0
         for part in self.parts:
-            end = start + len(part.online.parameters)
+            end = start + len(part.online)
             for name, tensor in part.tensors().items():
                 tensor.copy_(state[name][start:end] if tensor.ndim else state[name])
             start = end

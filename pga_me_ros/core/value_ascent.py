@@ -1,15 +1,52 @@
 """The policy gradient (Eq. 1 of Nilsson & Cully 2021): which way a controller's actions gain in value."""
 
-from __future__ import annotations
+# Annotations stay types: see `compiled`.
+from typing import NamedTuple
 
+import torch
 from torch import Tensor
 
+from pga_me_ros.core.compiled import compiled
+from pga_me_ros.core.flat_adam import Adam, adam_step
+from pga_me_ros.core.perceptrons import Perceptrons, backward, forward, input_gradient, perceptrons
 from pga_me_ros.core.policy import MlpShape
-from pga_me_ros.core.torch_nets import MlpStack
 
 
-class ValueAscent:
-    """Gradients of the mean of Q1(s, pi(s)) by the parameters of E controllers.
+class ValueAscent(NamedTuple):
+    """E controllers, the critic of each, and the buffers for a policy gradient; made by `value_ascent`.
+
+    Attributes:
+        controllers: The controllers.
+        critics: Their critics.
+        gradient: (E, P), filled by `climb`.
+        inputs: (E, N, obs_dim + act_dim) of the critics.
+        states: (E, N, obs_dim), a view of them.
+        actions: (E, N, act_dim), a view of them.
+        action_weights: (E, n, act_dim), the actions' columns of the weights of the critics' first layer.
+        by_action: (E, N, act_dim), derivatives of the objective by the actions.
+        weights: (1, N, 1), what each state counts in the mean.
+    """
+
+    controllers: Perceptrons
+    critics: Perceptrons
+    gradient: Tensor
+    inputs: Tensor
+    states: Tensor
+    actions: Tensor
+    action_weights: Tensor
+    by_action: Tensor
+    weights: Tensor
+
+
+def value_ascent(
+    controllers: Tensor,
+    controller_shape: MlpShape,
+    critics: Tensor,
+    critic_shape: MlpShape,
+    rows: int,
+    weight: float | None = None,
+) -> ValueAscent:
+    """Reserve the memory for gradients of the mean of Q1(s, pi(s)) by the parameters of E controllers.
 
     Args:
         controllers: (E, P) float32, read in place.
@@ -18,37 +55,40 @@ class ValueAscent:
         critic_shape: Layers of each critic.
         rows: N, states per batch.
         weight: What each state counts in the mean; None for 1/N.
-
-    Attributes:
-        gradient: (E, P), the outcome of the last `climb`.
     """
-
-    def __init__(
-        self,
-        controllers: Tensor,
-        controller_shape: MlpShape,
-        critics: Tensor,
-        critic_shape: MlpShape,
-        rows: int,
-        weight: float | None = None,
-    ) -> None:
-        """Reserve the memory."""
-        self._controllers = MlpStack(controller_shape, controllers, rows, tanh=True)
-        self._critics = MlpStack(critic_shape, critics, rows, tanh=False)
-        self.gradient = self._controllers.gradient
-        self._obs_dim = controller_shape.sizes[0]
-        size, act_dim = len(controllers), controller_shape.sizes[-1]
-        self._inputs = controllers.new_zeros((size, rows, critic_shape.sizes[0]))
-        self._states, self._actions = self._inputs.split([self._obs_dim, act_dim], dim=2)
+    obs_dim, act_dim = controller_shape.sizes[0], controller_shape.sizes[-1]
+    gradient = torch.zeros_like(controllers)
+    judges = perceptrons(critic_shape, critics, rows, tanh=False)
+    inputs = controllers.new_zeros((len(controllers), rows, critic_shape.sizes[0]))
+    states, actions = inputs.split([obs_dim, act_dim], dim=2)
+    return ValueAscent(
+        controllers=perceptrons(controller_shape, controllers, rows, gradient, tanh=True),
+        critics=judges,
+        gradient=gradient,
+        inputs=inputs,
+        states=states,
+        actions=actions,
+        action_weights=judges.weights[0][:, :, obs_dim:],
         # A product with so few columns is several times as fast when it writes them as rows.
-        self._by_action = controllers.new_zeros((size, act_dim, rows)).transpose(1, 2)
-        self._weights = controllers.new_full((1, rows, 1), 1.0 / rows if weight is None else weight)
+        by_action=controllers.new_zeros((len(controllers), act_dim, rows)).transpose(1, 2),
+        weights=controllers.new_full((1, rows, 1), 1.0 / rows if weight is None else weight),
+    )
 
-    def climb(self, states: Tensor) -> Tensor:
-        """Fill `gradient` for states (E or 1, N, obs_dim); return the values (E, N, 1) before the step."""
-        self._states.copy_(states)
-        self._actions.copy_(self._controllers.forward(states))
-        values = self._critics.forward(self._inputs)
-        self._critics.input_gradient(self._weights, self._obs_dim, out=self._by_action)
-        self._controllers.backward(states, self._by_action)
-        return values
+
+@compiled
+def climb(ascent: ValueAscent, states: Tensor) -> Tensor:
+    """Fill the gradient for states (E or 1, N, obs_dim); return the values (E, N, 1) before the step."""
+    ascent.states.copy_(states)
+    ascent.actions.copy_(forward(ascent.controllers, states))
+    values = forward(ascent.critics, ascent.inputs)
+    input_gradient(ascent.critics, ascent.weights, ascent.action_weights, ascent.by_action)
+    backward(ascent.controllers, states, ascent.by_action)
+    return values
+
+
+@compiled
+def climb_on(ascent: ValueAscent, adam: Adam, batches: list[Tensor], learning_rate: float) -> None:
+    """Take one step up per batch of states (E or 1, N, obs_dim)."""
+    for states in batches:
+        climb(ascent, states)
+        adam_step(adam, ascent.gradient, learning_rate, maximize=True)

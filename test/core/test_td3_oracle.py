@@ -19,7 +19,7 @@ from pga_me_ros.core.policy import Controller
 from pga_me_ros.core.rng import Purpose, generator
 from pga_me_ros.core.schedule import evaluation_rng
 from pga_me_ros.core.search import Search
-from pga_me_ros.core.torch_nets import torch_threads
+from pga_me_ros.core.torch_device import torch_threads
 
 S = SETTINGS.replace(
     algorithm="td3",
