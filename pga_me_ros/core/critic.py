@@ -6,6 +6,7 @@ It is TD3 (Fujimoto et al. 2018) with a greedy controller in the place of the ac
 from __future__ import annotations
 
 import math
+import threading
 from collections.abc import Iterator, Mapping
 from functools import partial
 from typing import Any
@@ -33,7 +34,7 @@ from pga_me_ros.core.side_by_side import SideBySide
 from pga_me_ros.core.torch_device import choose_device, torch_threads
 from pga_me_ros.core.training_batch import TrainingBatch
 from pga_me_ros.core.twin_critics import TwinCritics
-from pga_me_ros.core.value_ascent import ValueAscent, climb, value_ascent
+from pga_me_ros.core.value_ascent import climb, value_ascent
 
 BLOCK = 8
 """Steps that are prepared together at most; more would bring nothing and need memory."""
@@ -170,33 +171,36 @@ class CriticTrainer:
         n = len(self._targets)
         works = [partial(prepare, t, batches[i::n]) for i, t in enumerate(self._targets)]
         self._side_by_side(*works)
-        rate = rates.critic_learning_rate
         parts = self._critics.parts
         transitions = [batch.transitions for batch in batches]
-        self._side_by_side(*(partial(part.descend, transitions, rate) for part in parts))
-        if block[-1] % rates.target_period == 0:
-            self._update_greedy(transitions[-1].states, rates)
-            self._update_targets(rates)
+        shares = transitions[-1].states.chunk(len(parts), dim=1)
+        targets_move = block[-1] % rates.target_period == 0
+        q1_is_trained = threading.Event()
 
-    def _update_greedy(self, states: Tensor, rates: Settings) -> None:
-        """Ascend mean Q1(s, pi(s)) of the greedy controller (Alg. 4, lines 8-9); add to its sum."""
+        def learn(i: int) -> None:
+            try:
+                parts[i].descend(transitions, rates.critic_learning_rate)
+            finally:
+                if i == 0:
+                    q1_is_trained.set()
+            if not targets_move:
+                return
+            if i < len(shares):  # a batch of one transition makes one share
+                q1_is_trained.wait()
+                # Ascends mean Q1(s, pi(s)) of the greedy controller (Alg. 4, lines 8-9) on a share of the states.
+                self._objectives[i] += climb(self._ascents[i], shares[i]).sum()
+            parts[i].move_target(rates.target_rate)
 
-        def add_objective(ascent: ValueAscent, share: Tensor, objective: Tensor) -> None:
-            objective += climb(ascent, share).sum()
+        self._side_by_side(*(partial(learn, i) for i in range(len(parts))))
+        if targets_move:
+            self._step_greedy(rates)
 
-        works = zip(
-            self._ascents, states.chunk(len(self._ascents), dim=1), self._objectives, strict=True
-        )
-        self._side_by_side(*(partial(add_objective, *work) for work in works))
+    def _step_greedy(self, rates: Settings) -> None:
+        """Move the greedy controller up the gradient, and its target by tau towards it (Alg. 4, lines 9-11)."""
         gradient = self._ascents[0].gradient
         for other in self._ascents[1:]:
             gradient += other.gradient
         adam_step(self._greedy_adam, gradient, rates.greedy_learning_rate, maximize=True)
-
-    def _update_targets(self, rates: Settings) -> None:
-        """Move the targets by tau towards their networks (Eq. 4; Alg. 4, lines 10-11)."""
-        for part in self._critics.parts:
-            part.target.lerp_(part.online, rates.target_rate)
         self._greedy_target.lerp_(self._greedy, rates.target_rate)
 
     def greedy_parameters(self) -> Vector:

@@ -28,12 +28,16 @@ class SideBySide:
         self._pool = ThreadPoolExecutor(workers - 1, initializer=prepare) if workers > 1 else None
 
     def __call__(self, *works: Callable[[], None]) -> None:
-        """Do all works, which must not touch what another one writes, and wait for their end."""
+        """Do all works, which must not touch what another one writes, and wait for their end.
+
+        A work may wait for something that one before it does. The last is done by the caller: a KeyboardInterrupt
+        reaches the main thread only, and nobody is left waiting for it.
+        """
         if self._pool is None or spare_cores() < 1:
             for work in works:
                 work()
             return
-        others = [self._pool.submit(work) for work in works[1:]]
-        works[0]()
+        others = [self._pool.submit(work) for work in works[:-1]]
+        works[-1]()
         for other in others:
             other.result()

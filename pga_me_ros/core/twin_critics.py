@@ -50,6 +50,10 @@ class CriticPart:
             self.value,
         )
 
+    def move_target(self, rate: float) -> None:
+        """Move the targets by tau towards their critics (Eq. 4; Alg. 4, line 10)."""
+        self.target.lerp_(self.online, rate)
+
     def tensors(self) -> dict[str, Tensor]:
         """Return what the next step depends on, each of first dimension E, and the optimiser's steps."""
         return {
