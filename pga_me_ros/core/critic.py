@@ -197,9 +197,9 @@ class CriticTrainer:
 
     def _step_greedy(self, rates: Settings) -> None:
         """Move the greedy controller up the gradient, and its target by tau towards it (Alg. 4, lines 9-11)."""
-        gradient = self._ascents[0].gradient
+        gradient = self._ascents[0].controllers.gradient
         for other in self._ascents[1:]:
-            gradient += other.gradient
+            gradient += other.controllers.gradient
         adam_step(self._greedy_adam, gradient, rates.greedy_learning_rate, maximize=True)
         self._greedy_target.lerp_(self._greedy, rates.target_rate)
 

@@ -20,14 +20,15 @@ class Perceptrons(NamedTuple):
     """E perceptrons of one shape and the buffers that they compute in, for batches of N inputs; made by `perceptrons`.
 
     Lists have an entry per layer. All parameters are views of one tensor, which the networks read in place, so whoever
-    changes it changes them; all gradients are views of another one.
+    changes it changes them.
 
     Attributes:
         weights: (E, n_out, n_in).
         weights_transposed: (E, n_in, n_out), views of them: made once, as there would be dozens per gradient step.
         biases: (E, 1, n_out).
-        weight_gradients: (E, n_out, n_in), filled by `backward`.
-        bias_gradients: (E, 1, n_out), filled by `backward`.
+        gradient: (E, P), filled by `backward`.
+        weight_gradients: (E, n_out, n_in), views of it.
+        bias_gradients: (E, 1, n_out), views of it.
         signals: (E, N, n_out), what came out of each layer.
         deltas: (E, N, n_out), derivatives of the objective by what went into each layer's nonlinearity.
         deltas_transposed: (E, n_out, N), views of them.
@@ -37,6 +38,7 @@ class Perceptrons(NamedTuple):
     weights: list[Tensor]
     weights_transposed: list[Tensor]
     biases: list[Tensor]
+    gradient: Tensor
     weight_gradients: list[Tensor]
     bias_gradients: list[Tensor]
     signals: list[Tensor]
@@ -45,26 +47,25 @@ class Perceptrons(NamedTuple):
     tanh: bool
 
 
-def perceptrons(
-    shape: MlpShape, parameters: Tensor, rows: int, gradient: Tensor | None = None, *, tanh: bool
-) -> Perceptrons:
-    """Make networks that read their parameters from one tensor and write their gradients to another.
+def perceptrons(shape: MlpShape, parameters: Tensor, rows: int, *, tanh: bool) -> Perceptrons:
+    """Make networks that read their parameters from a tensor.
 
     Args:
         shape: Layers of each network.
         parameters: (E, P) float32.
         rows: N, inputs per batch.
-        gradient: (E, P) float32; None for networks whose `backward` is never called.
         tanh: Whether the output goes through tanh.
     """
+    gradient = torch.zeros_like(parameters)
     weights, biases = _layer_views(shape, parameters)
-    by_weight, by_bias = ([], []) if gradient is None else _layer_views(shape, gradient)
+    by_weight, by_bias = _layer_views(shape, gradient)
     signals = [parameters.new_empty((len(parameters), rows, n)) for n in shape.sizes[1:]]
     deltas = [torch.empty_like(signal) for signal in signals]
     return Perceptrons(
         weights,
         [w.transpose(1, 2) for w in weights],
         biases,
+        gradient,
         by_weight,
         by_bias,
         signals,
@@ -128,8 +129,7 @@ def backward(nets: Perceptrons, inputs: Tensor, output_gradient: Tensor) -> None
         output_gradient: (E or 1, N, n_out), derivative of the objective by the outputs.
     """
     _output_delta(nets, output_gradient)
-    for above in range(len(nets.weights)):
-        layer = len(nets.weights) - 1 - above
+    for layer in range(len(nets.weights) - 1, -1, -1):
         below = nets.signals[layer - 1] if layer else _for_all(nets, inputs)
         torch.bmm(nets.deltas_transposed[layer], below, out=nets.weight_gradients[layer])
         torch.sum(nets.deltas[layer], 1, keepdim=True, out=nets.bias_gradients[layer])
@@ -150,6 +150,6 @@ def input_gradient(
         out: (E, N, n) to write to.
     """
     _output_delta(nets, output_gradient)
-    for above in range(len(nets.weights) - 1):
-        _delta_below(nets, len(nets.weights) - 1 - above)
+    for layer in range(len(nets.weights) - 1, 0, -1):
+        _delta_below(nets, layer)
     return torch.bmm(nets.deltas[0], weights, out=out)

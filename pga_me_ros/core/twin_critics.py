@@ -33,8 +33,7 @@ class CriticPart:
         self.target = parameters.clone()
         self.adam = flat_adam(parameters)
         self.loss, self.value = parameters.new_zeros(()), parameters.new_zeros(())
-        self._gradient = torch.zeros_like(parameters)
-        self._critics = perceptrons(shape, parameters, rows, self._gradient, tanh=False)
+        self._critics = perceptrons(shape, parameters, rows, tanh=False)
         self._error = parameters.new_empty((len(parameters), rows, 1))
 
     def descend(self, batches: list[Transitions], learning_rate: float) -> None:
@@ -44,7 +43,6 @@ class CriticPart:
             self.adam,
             batches,
             learning_rate,
-            self._gradient,
             self._error,
             self.loss,
             self.value,
@@ -71,7 +69,6 @@ def _descend(
     adam: Adam,
     batches: list[Transitions],
     learning_rate: float,
-    gradient: Tensor,
     error: Tensor,
     loss: Tensor,
     value: Tensor,
@@ -84,7 +81,7 @@ def _descend(
         loss.add_(torch.dot(flat, flat))
         error.mul_(2.0 / len(batch.y))
         backward(critics, batch.inputs, error)
-        adam_step(adam, gradient, learning_rate, maximize=False)
+        adam_step(adam, critics.gradient, learning_rate, maximize=False)
 
 
 class TwinCritics:

@@ -3,7 +3,6 @@
 # Annotations stay types: see `compiled`.
 from typing import NamedTuple
 
-import torch
 from torch import Tensor
 
 from pga_me_ros.core.compiled import compiled
@@ -18,7 +17,6 @@ class ValueAscent(NamedTuple):
     Attributes:
         controllers: The controllers.
         critics: Their critics.
-        gradient: (E, P), filled by `climb`.
         inputs: (E, N, obs_dim + act_dim) of the critics.
         states: (E, N, obs_dim), a view of them.
         actions: (E, N, act_dim), a view of them.
@@ -29,7 +27,6 @@ class ValueAscent(NamedTuple):
 
     controllers: Perceptrons
     critics: Perceptrons
-    gradient: Tensor
     inputs: Tensor
     states: Tensor
     actions: Tensor
@@ -57,14 +54,12 @@ def value_ascent(
         weight: What each state counts in the mean; None for 1/N.
     """
     obs_dim, act_dim = controller_shape.sizes[0], controller_shape.sizes[-1]
-    gradient = torch.zeros_like(controllers)
     judges = perceptrons(critic_shape, critics, rows, tanh=False)
     inputs = controllers.new_zeros((len(controllers), rows, critic_shape.sizes[0]))
     states, actions = inputs.split([obs_dim, act_dim], dim=2)
     return ValueAscent(
-        controllers=perceptrons(controller_shape, controllers, rows, gradient, tanh=True),
+        controllers=perceptrons(controller_shape, controllers, rows, tanh=True),
         critics=judges,
-        gradient=gradient,
         inputs=inputs,
         states=states,
         actions=actions,
@@ -77,7 +72,7 @@ def value_ascent(
 
 @compiled
 def climb(ascent: ValueAscent, states: Tensor) -> Tensor:
-    """Fill the gradient for states (E or 1, N, obs_dim); return the values (E, N, 1) before the step."""
+    """Fill the controllers' gradient for states (E or 1, N, obs_dim); return the values (E, N, 1) before the step."""
     ascent.states.copy_(states)
     ascent.actions.copy_(forward(ascent.controllers, states))
     values = forward(ascent.critics, ascent.inputs)
@@ -91,4 +86,4 @@ def climb_on(ascent: ValueAscent, adam: Adam, batches: list[Tensor], learning_ra
     """Take one step up per batch of states (E or 1, N, obs_dim)."""
     for states in batches:
         climb(ascent, states)
-        adam_step(adam, ascent.gradient, learning_rate, maximize=True)
+        adam_step(adam, ascent.controllers.gradient, learning_rate, maximize=True)
