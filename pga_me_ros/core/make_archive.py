@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from functools import lru_cache
 
 import numpy as np
@@ -18,6 +19,13 @@ CENTROIDS_SEED = 0
 """All runs share their centroids, so that their archives can be compared cell by cell (as coded)."""
 
 
+def cell_count(spec: TaskSpec, settings: Settings) -> int:
+    """Return the number of cells of a run's archive."""
+    if settings.archive == "grid":
+        return math.prod(spec.archive_bins)
+    return settings.cells or spec.archive_cells
+
+
 def make_archive(spec: TaskSpec, settings: Settings) -> Archive:
     """Return an empty archive (Alg. 3 line 2).
 
@@ -31,10 +39,8 @@ def make_archive(spec: TaskSpec, settings: Settings) -> Archive:
     count = controller_shape(spec, settings).parameter_count
     if settings.archive == "grid":
         return GridArchive(spec.archive_bins, spec.descriptor_low, spec.descriptor_high, count)
-    cells = settings.cells or spec.archive_cells
-    centroids = _centroids(
-        cells, tuple(spec.descriptor_low), tuple(spec.descriptor_high), settings.cvt_samples
-    )
+    bounds = tuple(spec.descriptor_low), tuple(spec.descriptor_high)
+    centroids = _centroids(cell_count(spec, settings), *bounds, settings.cvt_samples)
     return CvtArchive(centroids, spec.descriptor_low, spec.descriptor_high, count)
 
 

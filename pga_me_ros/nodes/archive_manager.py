@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
+from pga_me_msgs.msg import Elites
 from pga_me_msgs.msg import Metrics as MetricsMsg
 from pga_me_msgs.srv import AddToArchive, SampleParents
 
@@ -18,6 +20,7 @@ from pga_me_ros.core.setting_field import setting
 from pga_me_ros.core.settings import RATES, Settings
 from pga_me_ros.core.storage import Repertoire
 from pga_me_ros.core.systems import system_of
+from pga_me_ros.nodes.elites_topic import elites_to_msg
 from pga_me_ros.nodes.heatmap_topic import ArchivePictures
 from pga_me_ros.nodes.options import RunOptions
 from pga_me_ros.nodes.repertoire_services import RepertoireServices
@@ -78,6 +81,7 @@ class ArchiveManager(GraphNode):
         self._readers = RepertoireServices(self, self._info, self._archive, self._grow, path)
         if self._grow:
             self._table.rebuild(generations)
+            self._elites_topic = self.create_publisher(Elites, names.ELITES, qos.ELITES)
             self.serve(AddToArchive, names.ADD_TO_ARCHIVE, self._add)
             self.serve(SampleParents, names.SAMPLE_PARENTS, self._sample)
         else:  # a run's own is never disturbed
@@ -115,6 +119,7 @@ class ArchiveManager(GraphNode):
             self._return_to_file()
             raise
         self._metrics = metrics
+        self._publish_elites(added.changed_cells)
         self.count_done()
         self._show()
         self._table.append(self._file.generation(request.generation))
@@ -183,7 +188,14 @@ class ArchiveManager(GraphNode):
             request.parents_each,
         )
         response.evaluations = flat(self._archive.evaluations[cells], "q")
-        response.parameters = flat(self._archive.parameters[cells], "f")
+        if request.publish:
+            self._publish_elites(np.unique(cells))
+
+    def _publish_elites(self, cells: NDArray[np.int64]) -> None:
+        """Tell the elites of some cells to whoever makes offspring of them."""
+        self._elites_topic.publish(
+            elites_to_msg(self._archive, self._info.run_id, self._last_generation, cells)
+        )
 
     def _show(self) -> None:
         """Show the archive as it is now to whoever watches."""

@@ -30,6 +30,9 @@ from pga_me_ros.ros.convert import flat, rates_to_msg, shaped
 PIECE = 25
 """Offspring per request: evaluators start on the first ones while the next are made."""
 
+ON_THE_WAY = 0.02
+"""Seconds that parents which are published again get to arrive."""
+
 WITHOUT_CRITICS = (Operator.RANDOM, Operator.IMPORTED, Operator.GA)
 """Operators that need no critics of their generation."""
 
@@ -151,44 +154,39 @@ class GenerationLoop:
                 batch.parameters[places] = self._imported[batch.ids[places]]
             else:
                 each = system_of(settings).parents.get(slots.operator, 0)
-                ids, parents = self._sample(t, first, n, each)
-                batch.parents[places, :each] = ids
-                request = self._proposal(settings, t, slots, first, n, parents)
-                batch.parameters[places] = self._propose(request, trained)
+                request = self._proposal(settings, t, slots, first, n)
+                if each:
+                    batch.parents[places, :each] = self._sample(request, each)
+                    request.parents = flat(batch.parents[places, :each], "q")
+                batch.parameters[places] = self._propose(request, each, trained)
             self._pool.submit(batch.ids[places], batch.parameters[places])
 
     def _sample(
-        self, t: int, first: int, n: int, each: int
-    ) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
-        """Return evaluation ids (n, each) and parameters (n, each, P) of parents."""
-        size = (n, each, self._shape.parameter_count)
-        if not each:
-            return np.empty((n, 0), np.int64), np.empty(size, np.float32)
+        self, proposal: Propose.Request, each: int, *, publish: bool = False
+    ) -> NDArray[np.int64]:
+        """Return the evaluation ids (n, each) of parents for what is to be proposed."""
         request = SampleParents.Request(
-            run_id=self._run_id, generation=t, first=first, count=n, parents_each=each
+            run_id=self._run_id,
+            generation=proposal.generation,
+            first=proposal.first,
+            count=proposal.count,
+            parents_each=each,
+            publish=publish,
         )
         response = accepted(self._waiter, self._clients.sample_parents, request)
-        ids = shaped(response.evaluations, (n, each), np.int64, "evaluations")
-        return ids, shaped(response.parameters, size, np.float32, "parameters")
+        return shaped(response.evaluations, (proposal.count, each), np.int64, "evaluations")
 
     def _proposal(
-        self,
-        settings: Settings,
-        t: int,
-        slots: Slots,
-        first: int,
-        n: int,
-        parents: NDArray[np.float32],
+        self, settings: Settings, t: int, slots: Slots, first: int, n: int
     ) -> Propose.Request:
         request = Propose.Request(
             run_id=self._run_id, generation=t, operator_id=int(slots.operator), first=first, count=n
         )
-        request.parents = flat(parents, "f")
         request.rates = rates_to_msg(settings)
         return request
 
     def _propose(
-        self, request: Propose.Request, trained: TrainingOrder | None
+        self, request: Propose.Request, each: int, trained: TrainingOrder | None
     ) -> NDArray[np.float32]:
         """Return the parameters (n, P) of offspring."""
         while True:
@@ -196,9 +194,13 @@ class GenerationLoop:
             if response.accepted:
                 size = (request.count, self._shape.parameter_count)
                 return shaped(response.parameters, size, np.float32, "parameters")
-            if not response.again or trained is None:
+            if response.lacking:  # a variation node that was restarted, or is about to hear them
+                self._sample(request, each, publish=True)
+                self._waiter.until(lambda: False, ON_THE_WAY)
+            elif response.again and trained:
+                self._critics.remind(trained)
+            else:
                 raise PgaError(f"The variation node refused: {response.message}")
-            self._critics.remind(trained)
 
     def _wait_for_results(self, batch: Batch) -> None:
         self._waiter.until(lambda: self._pool.done(batch.ids))

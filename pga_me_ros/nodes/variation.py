@@ -7,22 +7,23 @@ import os
 from importlib.metadata import version
 
 import numpy as np
-from numpy.typing import NDArray
-from pga_me_msgs.msg import CriticSnapshot
+from pga_me_msgs.msg import CriticSnapshot, Elites
 from pga_me_msgs.srv import Propose
 
 from pga_me_ros.core.elites import Operator
 from pga_me_ros.core.errors import PgaError, RequestError
+from pga_me_ros.core.make_archive import cell_count
 from pga_me_ros.core.make_offspring import MAKERS, Wanted, make_offspring, needs_snapshot
 from pga_me_ros.core.policy import controller_shape
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.core.snapshot import Snapshot
 from pga_me_ros.core.snapshot_fit import require_fit
 from pga_me_ros.core.systems import system_of
+from pga_me_ros.nodes.elites_topic import EliteMirror
 from pga_me_ros.nodes.options import ChildOptions, require_run
 from pga_me_ros.ros import names, qos
 from pga_me_ros.ros.command_line import Program
-from pga_me_ros.ros.convert import finite, flat, shaped, snapshot_from_msg, with_rates
+from pga_me_ros.ros.convert import flat, shaped, snapshot_from_msg, with_rates
 from pga_me_ros.ros.graph_node import GraphNode
 from pga_me_ros.ros.parameters import declare_run
 from pga_me_ros.ros.process import run_node
@@ -48,7 +49,11 @@ class Variation(GraphNode):
         self._operators = [o for o in MAKERS if o in own or o is Operator.RANDOM]
         self._snapshots: dict[int, Snapshot] = {}
         self._answered: tuple[Propose.Request, array.array[float]] | None = None
+        self._elites = EliteMirror(
+            cell_count(self._spec, self._settings), self._shape.parameter_count
+        )
         self.create_subscription(CriticSnapshot, names.SNAPSHOT, self._take_snapshot, qos.LATCHED)
+        self.create_subscription(Elites, names.ELITES, self._take_elites, qos.ELITES)
         self.serve(Propose, names.PROPOSE, self._propose)
         self.start_heartbeat(
             run_id=self._run_id, task=self._settings.task, versions=f"torch {version('torch')}"
@@ -69,6 +74,13 @@ class Variation(GraphNode):
             while len(self._snapshots) > KEPT:
                 del self._snapshots[next(iter(self._snapshots))]
 
+    def _take_elites(self, msg: Elites) -> None:
+        try:
+            self.check_run(msg.run_id, self._run_id)
+            self._elites.hear(msg)
+        except PgaError as error:
+            self.refused(f"dropped elites: {error}")
+
     def _propose(self, request: Propose.Request, response: Propose.Response) -> None:
         if self._answered and request == self._answered[0]:
             # Asked again out of impatience: making the same offspring anew would only add to the delay.
@@ -78,20 +90,34 @@ class Variation(GraphNode):
         settings = with_rates(self._settings, request.rates)
         self._check_places(request)
         operator = self._operator(request)
-        parents = self._parents(request, system_of(settings).parents.get(operator, 0))
+        each = system_of(settings).parents.get(operator, 0)
+        ids = shaped(request.parents, (request.count, each), np.int64, "parents")
         snapshot = None
         if needs_snapshot(operator, request.generation):
             snapshot = self._snapshots.get(request.generation)
             if snapshot is None:
-                self._put_off(request, response)
+                self._put_off(
+                    response,
+                    f"Offspring of generation {request.generation} need its critic snapshot; here are those of "
+                    f"{sorted(self._snapshots)}. Ask again once it has been published.",
+                )
                 return
+        lacking = self._elites.lacking(ids)
+        if lacking:
+            response.lacking = lacking
+            self._put_off(
+                response,
+                f"Parents {lacking} are no elites that were heard of; have {names.SAMPLE_PARENTS} publish them, "
+                "then ask again.",
+            )
+            return
         wanted = Wanted(
             settings,
             self._shape,
             request.generation,
             request.first,
             request.count,
-            parents,
+            self._elites.parameters(ids),
             snapshot,
             os.cpu_count() or 1,
         )
@@ -108,18 +134,10 @@ class Variation(GraphNode):
             )
         return Operator(request.operator_id)
 
-    def _put_off(self, request: Propose.Request, response: Propose.Response) -> None:
-        """Answer that the critic snapshot is still on its way: no refusal, as nothing is wrong with the request."""
-        response.accepted, response.again = False, True
-        response.message = (
-            f"Offspring of generation {request.generation} need its critic snapshot; here are "
-            f"those of {sorted(self._snapshots)}. Ask again once it has been published."
-        )
-        self.get_logger().info(response.message, throttle_duration_sec=NOTICE)
-
-    def _parents(self, request: Propose.Request, each: int) -> NDArray[np.float32]:
-        shape = (request.count, each, self._shape.parameter_count)
-        return finite(shaped(request.parents, shape, np.float32, "parents"), "parents")
+    def _put_off(self, response: Propose.Response, reason: str) -> None:
+        """Answer that something is still on its way: no refusal, as nothing is wrong with the request."""
+        response.accepted, response.again, response.message = False, True, reason
+        self.get_logger().info(reason, throttle_duration_sec=NOTICE)
 
     def _check_places(self, request: Propose.Request) -> None:
         b = self._settings.batch_size

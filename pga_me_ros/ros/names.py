@@ -12,6 +12,7 @@ GRID = "repertoire/grid"
 
 TRANSITIONS = "experience/transitions"
 SNAPSHOT = "critic/snapshot"
+ELITES = "archive/elites"
 PROGRESS = "progress"
 STATUS = "status"
 DIAGNOSTICS = "/diagnostics"

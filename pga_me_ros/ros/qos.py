@@ -28,6 +28,9 @@ EXPERIENCE_READER = _reliable(2000)
 LATCHED = _reliable(1, latched=True)
 """Newest state for whoever comes, however late: critic snapshots, metrics, heatmap, progress."""
 
+ELITES = _reliable(10)
+"""One message per generation, and one per request to publish parents again: a listener makes offspring meanwhile."""
+
 STATUS = _reliable(50)
 """Signs of life of the nodes."""
 

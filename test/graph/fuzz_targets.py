@@ -84,6 +84,7 @@ def run_targets(world: World, evaluator: str) -> list[Target]:
         store_target,
         transitions_target,
         snapshot_target,
+        elites_target,
     ]
     return [*(part(world) for part in parts), evaluate_target(world, evaluator)]
 
@@ -143,15 +144,15 @@ def sample_target(world: World) -> Target:
 
 
 def propose_target(world: World) -> Target:
-    """Return variation/propose, whose answer depends on the request alone."""
-    b, p = world.settings.batch_size, world.shape.parameter_count
+    """Return variation/propose, which changes nothing."""
+    b = world.settings.batch_size
     sound = {
         "run_id": world.run_id,
         "generation": 1,
         "operator_id": 1,
         "first": 1,
         "count": 2,
-        "parents": numbers("f", 2 * 2 * p),
+        "parents": numbers("q", 2 * 2, 5),
         "rates": rates_to_msg(Settings(n_evo=5)),
     }
     faults = [
@@ -159,8 +160,9 @@ def propose_target(world: World) -> Target:
         *ints("operator_id", 3, 5, 6, 7, 255),
         *ints("first", -1, b, 2**63 - 1),
         *ints("count", 0, -1, b + 1, 2**63 - 1),
-        *of_length("parents", "f", 2 * 2 * p),
-        *not_finite("parents", "f", 2 * 2 * p),
+        *of_length("parents", "q", 2 * 2),
+        ("parents", numbers("q", 2 * 2, -1)),
+        ("parents", numbers("q", 2 * 2, 2**62)),
         *(("rates", bad_rates(fault)) for fault in BAD_RATES),
     ]
     return Target(names.PROPOSE, sound, tuple(faults), harmless=True)
@@ -269,6 +271,31 @@ def snapshot_target(world: World) -> Target:
         ("greedy_sizes", array.array("q", [1])),
     ]
     return Target(names.SNAPSHOT, sound, tuple(faults))
+
+
+def elites_target(world: World) -> Target:
+    """Return archive/elites; the sound one is of a run that has as many cells."""
+    p = world.shape.parameter_count
+    sound = {
+        "run_id": world.run_id,
+        "generation": 0,
+        "cells": array.array("q", [0, 1]),
+        "evaluations": array.array("q", [0, 1]),
+        "parameters": numbers("f", 2 * p),
+    }
+    faults = [
+        *ints("generation", -1, -(2**63)),
+        ("cells", array.array("q", [0, -1])),
+        ("cells", array.array("q", [0, 2**62])),
+        ("cells", array.array("q", [1, 1])),
+        *of_length("cells", "q", 2),
+        ("evaluations", array.array("q", [0, -1])),
+        ("evaluations", array.array("q", [1, 1])),
+        *of_length("evaluations", "q", 2),
+        *of_length("parameters", "f", 2 * p),
+        *not_finite("parameters", "f", 2 * p),
+    ]
+    return Target(names.ELITES, sound, tuple(faults))
 
 
 def evaluate_target(world: World, evaluator: str) -> Target:

@@ -11,15 +11,16 @@ import numpy as np
 import pytest
 from graph import Graph, wait_until
 from nav_msgs.msg import OccupancyGrid
-from pga_me_msgs.msg import Metrics
+from pga_me_msgs.msg import Elites, Metrics
 from pga_me_msgs.srv import AddToArchive, GetBehavior, GetInfo, SampleParents
 from sensor_msgs.msg import Image
 from stored import SETTINGS, B, Served, parameters, served, solutions, store
 
+from pga_me_ros.core.archive import Archive
 from pga_me_ros.core.elites import Operator, Status
 from pga_me_ros.core.storage import Repertoire
 from pga_me_ros.core.systems import system_of
-from pga_me_ros.ros import qos
+from pga_me_ros.ros import names, qos
 from pga_me_ros.ros.convert import flat, rates_to_msg
 
 ADD, SAMPLE = "archive/add", "archive/sample_parents"
@@ -53,6 +54,19 @@ def generation_1(**changes: Any) -> dict[str, Any]:
 def sample(**changes: Any) -> dict[str, Any]:
     fields = {"run_id": "run-of-the-tests", "generation": 1, "first": 2, "count": 3}
     return {**fields, "parents_each": 2, **changes}
+
+
+def listen_to_elites(repertoire: Served) -> list[Elites]:
+    """Return the list to which what is published from now on is added."""
+    heard = repertoire.probe.listen(Elites, names.ELITES, qos.ELITES)
+    wait_until(lambda: repertoire.probe.node.count_publishers(names.ELITES) > 0, "the topic")
+    return heard
+
+
+def assert_elites(msg: Elites, archive: Archive) -> None:
+    cells = list(msg.cells)
+    assert list(msg.evaluations) == archive.evaluations[cells].tolist()
+    assert np.array_equal(np.array(msg.parameters), archive.parameters[cells].ravel())
 
 
 def digest(repertoire: Served) -> str:
@@ -127,16 +141,27 @@ def test_a_draw_that_makes_no_sense_is_refused(
 def test_parents_are_those_that_one_process_draws(growing: Served) -> None:
     response = growing.probe.call(SampleParents, SAMPLE, **sample())
     cells = system_of(SETTINGS).choose_parents(growing.archive, SETTINGS, 1, 2, 3, 2)
-    expected = growing.archive.parameters[cells]
     assert np.array_equal(response.evaluations, growing.archive.evaluations[cells].ravel())
-    assert np.array_equal(np.array(response.parameters, np.float32), expected.ravel())
+
+
+def test_parents_are_published_to_who_has_missed_them(growing: Served) -> None:
+    heard = listen_to_elites(growing)
+    response = growing.probe.call(SampleParents, SAMPLE, **sample(publish=True))
+    wait_until(lambda: bool(heard), "the parents")
+    assert (heard[0].run_id, heard[0].generation) == ("run-of-the-tests", 0)
+    assert set(heard[0].evaluations) == set(response.evaluations)
+    assert_elites(heard[0], growing.archive)
 
 
 def test_a_generation_becomes_what_one_process_makes_of_it(tmp_path: Path) -> None:
     with served(tmp_path, generations=1, grow=True) as growing:
+        heard = listen_to_elites(growing)
         response = growing.probe.call(AddToArchive, ADD, **generation_1())
         added = growing.archive.add(solutions(1))
         assert response.accepted, response.message
+        wait_until(lambda: bool(heard), "the new elites")
+        assert (heard[0].generation, list(heard[0].cells)) == (1, added.changed_cells.tolist())
+        assert_elites(heard[0], growing.archive)
         names = [Status(status).name for status in added.status]
         assert {"NEW", "IMPROVED", "REJECTED"} == set(names)
         assert list(response.status) == [getattr(AddToArchive.Request, name) for name in names]

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from graph import Graph, Probe, wait_until
-from pga_me_msgs.msg import CriticSnapshot, NodeStatus
+from pga_me_msgs.msg import CriticSnapshot, Elites, NodeStatus
 from pga_me_msgs.srv import Propose
 from reference import run_settings
 
@@ -40,6 +40,7 @@ ONE_CRITIC = Snapshot(
 )
 TWO_CRITICS = dataclasses.replace(ONE_CRITIC, diversity_critic=random_critic(CRITIC, RNG))
 PARENT = random_parameters(SHAPE, RNG)
+PARENT_ID = 7
 
 
 class Variation:
@@ -52,11 +53,23 @@ class Variation:
         self.probe = Probe(graph.domain)
         node = self.probe.node
         self._snapshots = node.create_publisher(CriticSnapshot, names.SNAPSHOT, qos.LATCHED)
+        self._elites = node.create_publisher(Elites, names.ELITES, qos.ELITES)
 
     def hear(self, snapshot: Snapshot) -> None:
         """Publish a snapshot once the node listens."""
         wait_until(lambda: self._snapshots.get_subscription_count() > 0, "a subscription")
         self._snapshots.publish(snapshot_to_msg(snapshot, "r"))
+
+    def hear_parent(self, **changes: Any) -> None:
+        """Publish the parent as an elite once the node listens."""
+        wait_until(lambda: self._elites.get_subscription_count() > 0, "a subscription")
+        fields = {
+            "run_id": "r",
+            "cells": flat([3], "q"),
+            "evaluations": flat([PARENT_ID], "q"),
+            "parameters": flat(PARENT, "f"),
+        }
+        self._elites.publish(Elites(**{**fields, **changes}))
 
     def propose(self, operator: int) -> Any:
         """Ask for one offspring of generation 1."""
@@ -68,7 +81,7 @@ class Variation:
             operator_id=operator,
             first=1,
             count=1,
-            parents=flat(PARENT, "f"),
+            parents=flat([PARENT_ID], "q"),
             rates=rates_to_msg(self._settings),
         )
 
@@ -96,6 +109,7 @@ def test_qd_rl_climbs_the_critic_of_quality_or_that_of_diversity(variation: Vari
     variation.started.wait_for_output("it has no diversity critic; algorithm 'qd_rl' needs one")
     assert variation.propose(Propose.Request.DIVERSITY).again
     variation.hear(TWO_CRITICS)
+    variation.hear_parent()
     answer = None
 
     def made() -> bool:
@@ -136,3 +150,30 @@ def test_a_snapshot_on_its_way_makes_no_refusal(variation: Variation) -> None:
     assert (unknown.accepted, unknown.again) == (False, False)
     wait_until(lambda: any(sign.refused for sign in list(signs)), "a refusal")
     assert (signs[-1].refused, "Operator 7 is unknown" in signs[-1].last_error) == (1, True)
+
+
+@pytest.mark.parametrize("variation", [PGA], indirect=True)
+def test_a_parent_that_was_not_heard_of_makes_no_refusal(variation: Variation) -> None:
+    variation.hear_parent(run_id="stray")
+    variation.started.wait_for_output("dropped elites: This request is for run 'stray'")
+    variation.hear_parent(cells=flat([10**6], "q"))
+    variation.started.wait_for_output("dropped elites: Field 'cells' holds 1000000")
+    variation.hear(ONE_CRITIC)
+    answers = [variation.propose(Propose.Request.PG)]
+
+    def lacks_the_parent() -> bool:  # once the snapshot has come
+        answers.append(variation.propose(Propose.Request.PG))
+        return bool(answers[-1].lacking)
+
+    wait_until(lacks_the_parent, "the snapshot")
+    assert not any(answer.accepted for answer in answers)
+    assert (answers[-1].again, list(answers[-1].lacking)) == (True, [PARENT_ID])
+    assert "have archive/sample_parents publish them" in answers[-1].message
+    variation.hear_parent()
+
+    def made() -> bool:
+        answers.append(variation.propose(Propose.Request.PG))
+        return bool(answers[-1].accepted)
+
+    wait_until(made, "offspring")
+    np.testing.assert_array_equal(answers[-1].parameters, climbed(ONE_CRITIC.critic)[0])
