@@ -238,20 +238,25 @@ class EvaluatorPool:
     def _dispatch(self) -> None:
         """Give queued work to evaluators with room."""
         now = time.monotonic()
-        ready = [
+        if self._queue:
+            ready = self._ready(now)
+            for load in range(IN_FLIGHT):
+                for worker in ready:
+                    if self._queue and len(worker.chunks) == load:
+                        n = share(len(self._queue), len(ready), self._seconds)
+                        self._send(worker, [self._queue.popleft() for _ in range(n)])
+        if not self._queue:
+            self._help_stragglers(now)
+
+    def _ready(self, now: float) -> list[Worker]:
+        """Return the evaluators that can be asked; rclpy takes a while to say so of each."""
+        return [
             w
             for w in self._workers.values()
             if w.usable <= now and w.refusals < REFUSALS and w.client.service_is_ready()
         ]
-        for load in range(IN_FLIGHT):
-            for worker in ready:
-                if self._queue and len(worker.chunks) == load:
-                    n = share(len(self._queue), len(ready), self._seconds)
-                    self._send(worker, [self._queue.popleft() for _ in range(n)])
-        if not self._queue:
-            self._help_stragglers(now, [w for w in ready if not w.chunks])
 
-    def _help_stragglers(self, now: float, idle: Sequence[Worker]) -> None:
+    def _help_stragglers(self, now: float) -> None:
         late = {
             k
             for worker in self._workers.values()
@@ -259,9 +264,12 @@ class EvaluatorPool:
             if k in self._parameters  # not of an earlier generation, done twice and forgotten
             and k not in self._outcomes
         }
+        if not late or not self._seconds:
+            return
+        idle = [w for w in self._ready(now) if not w.chunks]
         for i, helper in enumerate(idle):
             some = sorted(late)[i :: len(idle)]
-            if some and self._seconds:
+            if some:
                 self._send(helper, some)
 
     def _send(self, worker: Worker, ids: list[int]) -> None:
@@ -285,7 +293,9 @@ class EvaluatorPool:
             if all(k in self._parameters for k in chunk.ids):  # else of an earlier generation
                 self._take(worker, chunk, future.result())
             self._dispatch()
-        self._wake()
+            through = self._error or len(self._outcomes) == len(self._parameters)
+        if through:  # whoever waits does so for all that was submitted
+            self._wake()
 
     def _take(self, worker: Worker, chunk: Chunk, response: Evaluate.Response) -> None:
         try:
