@@ -49,8 +49,11 @@ KILLS_PER_GENERATION = 1.6
 WITHIN = 1.5
 """Seconds after the end of a generation within which something is killed: some generations' worth."""
 
-START = 12.0
+START = 4.0
 """Seconds from the start of a run within which it is killed if it is to die while it starts."""
+
+PER_RESUME = 3
+"""Generations per kill of the orchestrator: more than the run does on average before it comes."""
 
 PER_STOP = 8
 """Generations per stop on average: many while an evaluator is stopped and the other goes on, few otherwise."""
@@ -81,7 +84,7 @@ class Record:
 
 
 def settings_of(task: str, seed: int, generations: int) -> Settings:
-    """Return the settings of the runs: small nets, but everything that a whole run has."""
+    """Return the settings of the runs: small nets, but everything that a whole run has, and generations of a second."""
     return Settings(
         task=task,
         seed=seed,
@@ -89,7 +92,7 @@ def settings_of(task: str, seed: int, generations: int) -> Settings:
         random_init=INIT_GENERATIONS * BATCH,
         batch_size=BATCH,
         n_evo=8,
-        n_crit=200,
+        n_crit=1000,
         transition_batch=128,
         cells=256,
         cvt_samples=5000,
@@ -161,7 +164,7 @@ def generations_of(part: str, deeds: int) -> int:
     """Return how many generations a part takes, so that its last deed comes before the end."""
     if part == "stopped":
         return INIT_GENERATIONS + PER_STOP * deeds
-    busy = int(deeds / KILLS_PER_GENERATION) if part == "children" else deeds
+    busy = int(deeds / KILLS_PER_GENERATION) if part == "children" else PER_RESUME * deeds
     return INIT_GENERATIONS + busy + QUIET_GENERATIONS
 
 

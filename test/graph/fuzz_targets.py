@@ -284,7 +284,7 @@ def elites_target(world: World) -> Target:
         "parameters": numbers("f", 2 * p),
     }
     faults = [
-        *ints("generation", -1, -(2**63)),
+        *ints("generation", -FAR, -(2**63)),
         ("cells", array.array("q", [0, -1])),
         ("cells", array.array("q", [0, 2**62])),
         ("cells", array.array("q", [1, 1])),
