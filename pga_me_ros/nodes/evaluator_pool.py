@@ -293,8 +293,8 @@ class EvaluatorPool:
             if all(k in self._parameters for k in chunk.ids):  # else of an earlier generation
                 self._take(worker, chunk, future.result())
             self._dispatch()
-            through = self._error or len(self._outcomes) == len(self._parameters)
-        if through:  # whoever waits does so for all that was submitted
+            all_done = self._error or len(self._outcomes) == len(self._parameters)
+        if all_done:  # whoever waits does so for all that was submitted
             self._wake()
 
     def _take(self, worker: Worker, chunk: Chunk, response: Evaluate.Response) -> None:

@@ -30,8 +30,8 @@ from pga_me_ros.ros.convert import flat, rates_to_msg, shaped
 PIECE = 25
 """Offspring per request: evaluators start on the first ones while the next are made."""
 
-ON_THE_WAY = 0.02
-"""Seconds that parents which are published again get to arrive."""
+ON_THE_WAY = (0.02, 1.0)
+"""Seconds that parents which are published again get to arrive: the first time, and at most; it doubles in between."""
 
 WITHOUT_CRITICS = (Operator.RANDOM, Operator.IMPORTED, Operator.GA)
 """Operators that need no critics of their generation."""
@@ -189,6 +189,7 @@ class GenerationLoop:
         self, request: Propose.Request, each: int, trained: TrainingOrder | None
     ) -> NDArray[np.float32]:
         """Return the parameters (n, P) of offspring."""
+        pause, longest = ON_THE_WAY
         while True:
             response = call(self._waiter, self._clients.propose, request)
             if response.accepted:
@@ -196,7 +197,8 @@ class GenerationLoop:
                 return shaped(response.parameters, size, np.float32, "parameters")
             if response.lacking:  # a variation node that was restarted, or is about to hear them
                 self._sample(request, each, publish=True)
-                self._waiter.until(lambda: False, ON_THE_WAY)
+                self._waiter.until(lambda: False, pause)
+                pause = min(2.0 * pause, longest)
             elif response.again and trained:
                 self._critics.remind(trained)
             else:
