@@ -67,6 +67,10 @@ class Waiter:
                 self._look()
             self._happened.wait(min(TICK, left))
 
+    def pause(self, seconds: float) -> None:
+        """Wait for some time."""
+        self.until(lambda: False, seconds)
+
 
 def call(waiter: Waiter, client: Client, request: Any) -> Any:
     """Call a service of the graph until it answers.

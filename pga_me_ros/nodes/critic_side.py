@@ -109,7 +109,7 @@ class CriticSide:
 
     def remind(self, order: TrainingOrder) -> None:
         """Have a snapshot published again after a while, for a node that was restarted and missed it."""
-        self._waiter.until(lambda: False, REMINDER)
+        self._waiter.pause(REMINDER)
         self.start(order)
 
     def store(self, generation: int, ids: Sequence[int]) -> None:
@@ -142,7 +142,7 @@ class CriticSide:
     def _after_a_while(self, request: StoreExperience.Request) -> StoreExperience.Response:
         """Ask again for a while: the last episodes may still be on their way."""
         for pause in (0.01, 0.02, 0.05, 0.1, 0.2, ARRIVAL):
-            self._waiter.until(lambda: False, pause)
+            self._waiter.pause(pause)
             response = call(self._waiter, self._clients.store_experience, request)
             if response.accepted or not response.missing:
                 break

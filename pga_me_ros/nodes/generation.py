@@ -197,7 +197,7 @@ class GenerationLoop:
                 return shaped(response.parameters, size, np.float32, "parameters")
             if response.lacking:  # a variation node that was restarted, or is about to hear them
                 self._sample(request, each, publish=True)
-                self._waiter.until(lambda: False, pause)
+                self._waiter.pause(pause)
                 pause = min(2.0 * pause, longest)
             elif response.again and trained:
                 self._critics.remind(trained)
