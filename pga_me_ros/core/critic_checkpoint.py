@@ -82,8 +82,12 @@ class CriticCheckpoints:
         Raises:
             StorageError: Its file is damaged.
         """
-        earlier = [g for g in self._files.generations() if g < generation]
-        return self._load(earlier[-1])[:2] if earlier else None
+        newest = self.newest_before(generation)
+        return None if newest is None else self._load(newest)[:2]
+
+    def newest_before(self, generation: int) -> int | None:
+        """Return the newest earlier generation whose outcome is here, None when there is none."""
+        return max((g for g in self._files.generations() if g < generation), default=None)
 
     def discard_since(self, generation: int) -> None:
         """Delete the outcomes of trainings that took place in a generation or later.

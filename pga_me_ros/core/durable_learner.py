@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pga_me_ros.core.critic_checkpoint import CriticCheckpoints
+from pga_me_ros.core.critic_checkpoint import CriticCheckpoints, CriticState
 from pga_me_ros.core.errors import RequestError
 from pga_me_ros.core.experience import Experience
 from pga_me_ros.core.learns import Learns
@@ -16,6 +17,21 @@ from pga_me_ros.core.settings import Settings
 from pga_me_ros.core.snapshot import Snapshot
 from pga_me_ros.core.systems import system_of
 from pga_me_ros.tasks.spec import TaskSpec
+
+
+@dataclass(frozen=True)
+class Trained:
+    """The outcome of a training, which nothing that comes after it changes.
+
+    Attributes:
+        order: The training.
+        snapshot: What offspring are made with.
+        state: What the next training starts from.
+    """
+
+    order: TrainingOrder
+    snapshot: Snapshot
+    state: CriticState
 
 
 class DurableLearner:
@@ -44,7 +60,7 @@ class DurableLearner:
         self.experience = Experience(directory / "experience", settings)
         self._checkpoints = CriticCheckpoints(directory)
         self._learner: Learns = system_of(settings).make_learner(spec, settings, workers)
-        self._trained_for: int | None = None  # None: not known to be the state of any checkpoint
+        self._trained_for: int | None = None  # None: not known to be the outcome of any training
 
     def find(self, order: TrainingOrder) -> Snapshot | None:
         """Return the outcome of exactly this training, if it was done before.
@@ -82,18 +98,32 @@ class DurableLearner:
         for generation in range(max(window.start, self._learner.newest + 1), window.stop):
             self._learner.add(generation, self.experience.episodes(generation))
 
-    def train(self, order: TrainingOrder) -> Snapshot:
-        """Carry out a training that `prepare` was called for, and make its outcome durable.
+    def train(self, order: TrainingOrder) -> Trained:
+        """Carry out a training that `prepare` was called for; it has not been done before `save` is.
 
         Raises:
             NetworkError: The training diverged.
-            StorageError: The outcome cannot be written.
         """
         self._trained_for = None
         snapshot = self._learner.train(self._settings.replace(**order.rates), order.generation)
-        self._checkpoints.save(order, snapshot, self._learner.state())
         self._trained_for = order.generation
-        return snapshot
+        return Trained(order, snapshot, self._learner.state())
+
+    def save(self, trained: Trained) -> None:
+        """Make the outcome of a training durable; another thread may go on with the next training meanwhile.
+
+        If it fails, this learner knows more than its files do, and is to be given up.
+
+        Raises:
+            StorageError: The outcome cannot be written.
+        """
+        self._checkpoints.save(trained.order, trained.snapshot, trained.state)
+
+    def trained_before(self, generation: int) -> int | None:
+        """Return which training the one for a generation would go on from, None if it would be the first."""
+        if self._trained_for is not None and self._trained_for < generation:
+            return self._trained_for
+        return self._checkpoints.newest_before(generation)
 
     def _return_to_before(self, generation: int) -> bool:
         """Load the newest state reached before the training for a generation, or begin anew; say which."""

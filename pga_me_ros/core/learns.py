@@ -37,7 +37,7 @@ class Learns(Protocol):
         """Train, and return what the offspring of a generation are made with."""
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """Return what was learned, by name."""
+        """Return what was learned, by name, in arrays that later training does not change."""
 
     def load_state(self, state: dict[str, NDArray[Any]], version: int) -> None:
         """Continue from a stored state, bit for bit."""

@@ -84,6 +84,19 @@ class CriticSide:
 
     def start(self, order: TrainingOrder) -> None:
         """Start a training; one that was done before has its snapshot published again."""
+        accepted(self._waiter, self._clients.train, self._request(order))
+
+    def start_after(self, order: TrainingOrder, before: TrainingOrder) -> None:
+        """Have a training start as soon as the one before it is over.
+
+        A trainer that was restarted refuses, until the one before was started again; then `start` is what it takes.
+        """
+        request = self._request(order)
+        request.after = before.generation
+        call(self._waiter, self._clients.train, request)
+
+    def _request(self, order: TrainingOrder) -> Train.Request:
+        """Return what asks for a training, and expect its snapshot from now on."""
         settings = self._settings.replace(**order.rates)
         request = Train.Request(
             run_id=self._run_id, generation=order.generation, experience=order.experience
@@ -93,7 +106,7 @@ class CriticSide:
             request.greedy = self._best_controller()
         newest = max(self._ordered, default=0)
         self._ordered = {g for g in self._ordered if g >= newest - 1} | {order.generation}
-        accepted(self._waiter, self._clients.train, request)
+        return request
 
     def wait_for(self, order: TrainingOrder) -> None:
         """Wait until a training's snapshot is there, and start the training again if its node died."""

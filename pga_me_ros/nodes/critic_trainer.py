@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import threading
 import traceback
 from importlib.metadata import version
 from pathlib import Path
@@ -20,6 +19,7 @@ from pga_me_ros.core.schedule import TrainingOrder
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.core.snapshot import Snapshot
 from pga_me_ros.core.systems import system_of
+from pga_me_ros.core.trainings import Trainings
 from pga_me_ros.nodes.options import ChildOptions, require_run
 from pga_me_ros.ros import names, qos
 from pga_me_ros.ros.command_line import Program
@@ -34,7 +34,7 @@ CRITICS = 2
 
 
 class CriticTrainerNode(GraphNode):
-    """Owns replay buffer, critics and greedy controller; trains in a thread while it goes on listening."""
+    """Owns replay buffer, critics and greedy controller, and goes on listening while it trains."""
 
     def __init__(self) -> None:
         super().__init__("critic_trainer")
@@ -44,8 +44,7 @@ class CriticTrainerNode(GraphNode):
         run_dir = Path(options["run_dir"])
         workers = min(os.cpu_count() or 1, CRITICS)
         self._learner = DurableLearner(self._spec, self._settings, run_dir, workers)
-        self._training: TrainingOrder | None = None
-        self._fault = ""
+        self._trainings = Trainings(self._learner, self._trained, self._failed)
         self._snapshots = self.create_publisher(CriticSnapshot, names.SNAPSHOT, qos.LATCHED)
         self.create_subscription(
             Transitions, names.TRANSITIONS, self._take_episode, qos.EXPERIENCE_READER
@@ -59,54 +58,48 @@ class CriticTrainerNode(GraphNode):
     def _take_episode(self, msg: Transitions) -> None:
         try:
             self.check_run(msg.run_id, self._run_id)
-            if 0 <= msg.generation < self._learner.experience.stored:
-                return  # of an evaluation that was given to two: the run is beyond it
-            if not self._learner.experience.awaits(msg.generation):
-                raise RequestError(
-                    f"Evaluation {msg.evaluation} is of generation {msg.generation}, which is over or far ahead."
-                )
-            episode = episode_from_msg(msg, self._spec)
-            episode = system_of(self._settings).remembered(episode)
-            self._learner.experience.stage(msg.generation, msg.evaluation, episode)
+            with self._trainings.lock:
+                self._stage(msg)
         except PgaError as error:
             self.refused(f"dropped an episode: {error}")
+
+    def _stage(self, msg: Transitions) -> None:
+        experience = self._learner.experience
+        if 0 <= msg.generation < experience.stored:
+            return  # of an evaluation that was given to two: the run is beyond it
+        if not experience.awaits(msg.generation):
+            raise RequestError(
+                f"Evaluation {msg.evaluation} is of generation {msg.generation}, which is over or far ahead."
+            )
+        episode = episode_from_msg(msg, self._spec)
+        episode = system_of(self._settings).remembered(episode)
+        experience.stage(msg.generation, msg.evaluation, episode)
 
     def _store(self, request: StoreExperience.Request, response: StoreExperience.Response) -> None:
         self.check_run(request.run_id, self._run_id)
         b = self._settings.batch_size
         fitness = finite(shaped(request.fitness, (b,), np.float64, "fitness"), "fitness")
-        self._learner.experience.expect(request.generation)
-        self._learner.experience.drop_others(request.generation, fitness)
-        missing = self._learner.experience.missing(request.generation)
+        experience = self._learner.experience
+        with self._trainings.lock:
+            experience.expect(request.generation)
+            experience.drop_others(request.generation, fitness)
+            missing = experience.missing(request.generation)
+            if not missing:
+                experience.store(request.generation)
         if missing:
             response.accepted = False
             response.missing = missing
             response.message = f"{len(missing)} episodes have not arrived."
-        else:
-            self._learner.experience.store(request.generation)
 
     def _train(self, request: Train.Request, response: Train.Response) -> None:
         self.check_run(request.run_id, self._run_id)
-        if self._fault:
-            raise RequestError(self._fault)
         settings = with_rates(self._settings, request.rates)
         order = TrainingOrder.of(request.generation, request.experience, settings)
         self._check_order(order)
-        under_way = self._training
-        if under_way == order:
-            return
-        if done := self._learner.find(order):
-            # Also while another training is under way: a restarted node asks for the snapshot it missed.
+        done = self._trainings.order(order, request.after, self._greedy_start(request))
+        self.diagnostics.queue = len(self._trainings)
+        if done:
             self._publish(done)
-        elif under_way is not None:
-            raise RequestError(
-                f"Training for generation {under_way.generation} is under way; wait for its snapshot."
-            )
-        else:
-            self._learner.prepare(order, self._greedy_start(request))
-            self._training = order
-            self.diagnostics.queue = 1
-            threading.Thread(target=self._work, args=(order,), daemon=True).start()
 
     def _check_order(self, order: TrainingOrder) -> None:
         """Refuse a training that the generation loop never asks for.
@@ -138,27 +131,21 @@ class CriticTrainerNode(GraphNode):
         count = controller_shape(self._spec, self._settings).parameter_count
         return shaped(request.greedy, (count,), np.float32, "greedy").copy()
 
-    def _work(self, order: TrainingOrder) -> None:
-        """Train in a thread of its own; torch lets the executor run meanwhile."""
-        snapshot: Snapshot | None = None
-        try:
-            snapshot = self._learner.train(order)
-        except Exception as error:  # else the orchestrator would order the same training for ever
-            self._fault = str(error) if isinstance(error, PgaError) else repr(error)
-            if not isinstance(error, PgaError):
-                self.get_logger().error(traceback.format_exc())
-            self.refused(f"training failed: {self._fault}")
-            self.diagnostics.fault(f"training failed: {self._fault}")
-        finally:
-            # Before the snapshot is published: whoever hears of it may order the next training at once.
-            self._training = None
-            self.diagnostics.queue = 0
-        if snapshot is not None:
-            self.count_done()
-            self._publish(snapshot)
+    def _trained(self, snapshot: Snapshot) -> None:
+        self.count_done()
+        self.diagnostics.queue = len(self._trainings)
+        self._publish(snapshot)
 
     def _publish(self, snapshot: Snapshot) -> None:
         self._snapshots.publish(snapshot_to_msg(snapshot, self._run_id))
+
+    def _failed(self, error: Exception) -> None:
+        self.diagnostics.queue = 0
+        if not isinstance(error, PgaError):
+            self.get_logger().error("".join(traceback.format_exception(error)))
+        reason = f"training failed: {error if isinstance(error, PgaError) else repr(error)}"
+        self.refused(reason)
+        self.diagnostics.fault(reason)
 
 
 PROGRAM = Program(

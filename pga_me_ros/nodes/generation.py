@@ -116,15 +116,17 @@ class GenerationLoop:
         trained = training_for(settings, before, t)
         if trained and not self._critics.has(trained):
             self._critics.start(trained)  # nothing new where it is under way
+        meanwhile = training_meanwhile(settings, t)
+        if trained and meanwhile:
+            self._critics.start_after(meanwhile, trained)
         plan = system.batch_plan(settings, t, len(self._imported))
         for slots in plan:  # what needs no critics is evaluated while they still train
             if slots.operator in WITHOUT_CRITICS:
                 self._fill(settings, t, batch, slots, trained)
         if trained:
             self._critics.wait_for(trained)
-        meanwhile = training_meanwhile(settings, t)
         if meanwhile:
-            self._critics.start(meanwhile)
+            self._critics.start(meanwhile)  # nothing new where it has followed
         for slots in plan:
             if slots.operator not in WITHOUT_CRITICS:
                 self._fill(settings, t, batch, slots, trained)

@@ -74,9 +74,8 @@ class GraphInSmall:
     def _rates_for(self, t: int) -> Settings:
         return self._rates[max(g for g in self._rates if g <= max(t, 0))]
 
-    def _trained(self, order: TrainingOrder | None) -> Snapshot | None:
-        if order is None:
-            return None
+    def trained(self, order: TrainingOrder) -> Snapshot:
+        """Return the outcome of a training that is durable, or is now."""
         done = self.learner.find(order)
         if done:
             return done
@@ -84,13 +83,14 @@ class GraphInSmall:
         if self._settings.greedy_init == "best":
             start = self.archive.best().parameters
         self.learner.prepare(order, start)
-        return self.learner.train(order)
+        trained = self.learner.train(order)
+        self.learner.save(trained)
+        return trained.snapshot
 
     def _generation(self, t: int, *, dies_late: bool) -> None:
         s = self._rates_for(t)
-        snapshot = self._trained(training_for(s, self._rates_for(t - 1), t))
-        meanwhile = training_meanwhile(s, t)
-        self._trained(meanwhile)
+        orders = (training_for(s, self._rates_for(t - 1), t), training_meanwhile(s, t))
+        snapshot, _ = (order and self.trained(order) for order in orders)
         operators, parents, parameters = self._offspring(s, t, snapshot)
         ids = evaluation_ids(s, t)
         episodes = [

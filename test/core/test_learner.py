@@ -59,9 +59,8 @@ def test_critics_of_a_generation_that_was_interrupted_are_no_start_for_later_one
     graph = GraphInSmall(settings, tmp_path, rates={4: off, 6: settings})
     graph.grow(range(4))
     for order in (training_for(settings, settings, 4), training_meanwhile(settings, 4)):
-        if order and not graph.learner.find(order):
-            graph.learner.prepare(order)
-            graph.learner.train(order)
+        if order:
+            graph.trained(order)
     CriticCheckpoints(tmp_path).discard_since(4)
     graph.restart_learner()
     graph.grow(range(4, settings.generations))
@@ -83,12 +82,8 @@ def test_a_training_done_again_with_other_rates_starts_from_the_state_before_it(
         graph.grow(range(4))
     order = TrainingOrder.of(5, 3, BRIEF.replace(n_crit=7))
     wrong = TrainingOrder.of(5, 3, BRIEF.replace(n_crit=9))
-    twice.learner.prepare(wrong)
-    twice.learner.train(wrong)
-    snapshots = []
-    for graph in (once, twice):
-        graph.learner.prepare(order)
-        snapshots.append(graph.learner.train(order))
+    twice.trained(wrong)
+    snapshots = [graph.trained(order) for graph in (once, twice)]
     assert snapshots[0].greedy.tobytes() == snapshots[1].greedy.tobytes()
     assert snapshots[0].version == snapshots[1].version
 
@@ -97,10 +92,7 @@ def test_an_order_on_older_experience_forgets_the_newer(tmp_path):
     graph = GraphInSmall(BRIEF, tmp_path)
     graph.grow(range(4))
     newer, older = TrainingOrder.of(5, 3, BRIEF), TrainingOrder.of(5, 2, BRIEF)
-    sizes = []
-    for order in (older, newer, older):
-        graph.learner.prepare(order)
-        sizes.append(graph.learner.train(order).transitions)
+    sizes = [graph.trained(order).transitions for order in (older, newer, older)]
     assert sizes[0] == sizes[2] < sizes[1]
 
 
@@ -160,8 +152,6 @@ def test_snapshot_holds_the_state_batches_that_the_setting_asks_for(batches, set
     settings = BRIEF.replace(pg_batches=batches)
     graph = GraphInSmall(settings, tmp_path)
     graph.grow(range(2))
-    order = TrainingOrder.of(2, 1, settings)
-    graph.learner.prepare(order)
-    states = graph.learner.train(order).states
+    states = graph.trained(TrainingOrder.of(2, 1, settings)).states
     assert states.shape == (sets, settings.n_grad, settings.transition_batch, 2)
     assert len(np.unique(states.reshape(sets, -1), axis=0)) == sets

@@ -151,20 +151,21 @@ def test_a_trainer_that_joins_late_gets_what_it_missed(
 ) -> None:
     heard = probe.listen(Progress, names.PROGRESS, qos.LATCHED)
     episodes = probe.listen(Transitions, names.TRANSITIONS, qos.EXPERIENCE_READER)
-    # Long enough that the run is still under way when the trainer is killed in its second generation.
-    run_dir, parameters = tmp_path / "run", {"evaluations": 160, "batch_size": 20}
+    # The PG offspring of a generation are made in two requests, each of which takes a while.
+    run_dir = tmp_path / "run"
+    parameters = {"evaluations": 300, "batch_size": 100, "n_evo": 50, "n_grad": 60}
     run = graph.run(run_dir, **parameters)
 
     def published(generation: int) -> set[int]:
         return {msg.evaluation for msg in episodes if msg.generation == generation}
 
-    # The trainer forgets what has arrived of a generation that is under way. It has trained for it: the last places
-    # are those of PG offspring.
-    wait_until(lambda: max(published(1), default=0) >= 30, "PG offspring of the second generation")
+    # The trainer forgets what has arrived of a generation that is under way. It has trained for it: the places from 50
+    # on are those of PG offspring.
+    wait_until(lambda: max(published(1), default=0) >= 150, "PG offspring of the second generation")
     kill_child(run_dir, "critic_trainer")
     late = children(run_dir)["critic_trainer"]
     os.kill(late, signal.SIGSTOP)
-    wait_until(lambda: len(published(1)) == 20, "all experience of the generation")
+    wait_until(lambda: len(published(1)) == 100, "all experience of the generation")
     os.kill(late, signal.SIGCONT)
     assert run.wait() == 0, run.output
     assert heard[-1].reevaluations > 0
