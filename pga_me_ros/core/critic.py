@@ -6,7 +6,6 @@ It is TD3 (Fujimoto et al. 2018) with a greedy controller in the place of the ac
 from __future__ import annotations
 
 import math
-import threading
 from collections.abc import Iterator, Mapping
 from functools import partial
 from typing import Any
@@ -18,6 +17,7 @@ from torch import Tensor
 
 from pga_me_ros.core.bellman_target import BellmanTarget
 from pga_me_ros.core.errors import NetworkError, StorageError
+from pga_me_ros.core.event_count import EventCount
 from pga_me_ros.core.flat_adam import adam_step, flat_adam, reset_adam
 from pga_me_ros.core.policy import (
     RobotDimensions,
@@ -107,6 +107,7 @@ class CriticTrainer:
             TrainingBatch(rows, self.obs_dim, self.act_dim, self.device) for _ in range(BLOCK)
         ]
         self._side_by_side = SideBySide(workers, settings.torch_threads)
+        self._q1_trainings = EventCount()
 
     def train(
         self,
@@ -175,18 +176,18 @@ class CriticTrainer:
         transitions = [batch.transitions for batch in batches]
         shares = transitions[-1].states.chunk(len(parts), dim=1)
         targets_move = block[-1] % rates.target_period == 0
-        q1_is_trained = threading.Event()
+        q1_trained = self._q1_trainings.count + 1
 
         def learn(i: int) -> None:
             try:
                 parts[i].descend(transitions, rates.critic_learning_rate)
             finally:
                 if i == 0:
-                    q1_is_trained.set()
+                    self._q1_trainings.advance()
             if not targets_move:
                 return
             if i < len(shares):  # a batch of one transition makes one share
-                q1_is_trained.wait()
+                self._q1_trainings.wait_for(q1_trained)
                 # Ascends mean Q1(s, pi(s)) of the greedy controller (Alg. 4, lines 8-9) on a share of the states.
                 self._objectives[i] += climb(self._ascents[i], shares[i]).sum()
             parts[i].move_target(rates.target_rate)

@@ -107,9 +107,7 @@ def test_a_training_done_again_starts_from_the_state_archive_before_it(tmp_path)
     for graph, rates in ((once, (7,)), (twice, (9, 7))):
         graph.grow(range(4))
         for n_crit in rates:
-            order = TrainingOrder.of(4, 3, settings.replace(n_crit=n_crit))
-            graph.learner.prepare(order)
-            trained = graph.learner.train(order)
+            trained = graph.trained(TrainingOrder.of(4, 3, settings.replace(n_crit=n_crit)))
         snapshots.append(trained)
     assert snapshots[0].diversity_critic.tobytes() == snapshots[1].diversity_critic.tobytes()
     assert snapshots[0].critic.tobytes() == snapshots[1].critic.tobytes()

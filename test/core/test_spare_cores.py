@@ -11,9 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from pga_me_ros.core import helping_threads, side_by_side, spare_cores
+from pga_me_ros.core import helping_threads, spare_cores
 from pga_me_ros.core.helping_threads import GoesOn, do_with_helpers
-from pga_me_ros.core.side_by_side import SideBySide
 
 PATIENCE = 30.0
 
@@ -67,17 +66,6 @@ def test_a_system_that_does_not_tell_is_taken_to_be_idle(
     monkeypatch.setattr(spare_cores, "LOAD", str(tmp_path / "absent"))
     monkeypatch.setattr(os, "cpu_count", lambda: 4)
     assert spare_cores.spare_cores() == 3
-
-
-@pytest.mark.parametrize(("spare", "threads"), [(1, 2), (0, 1), (-1, 1)])
-def test_works_are_done_side_by_side_only_where_a_core_is_free(
-    monkeypatch: pytest.MonkeyPatch, spare: int, threads: int
-) -> None:
-    monkeypatch.setattr(side_by_side, "spare_cores", lambda: spare)
-    done: list[int] = []
-    SideBySide(2, 1)(*2 * [lambda: done.append(threading.get_ident())])
-    assert len(done) == 2
-    assert len(set(done)) == threads
 
 
 class Counting:
