@@ -1,29 +1,48 @@
-"""Tasks of the benches that note the core time of their episodes; no bench itself.
+"""Tasks of the benches whose runs note the core time of their work; no bench itself.
 
-An episode is timed from its reset to its descriptor, policy and transitions included.
+An episode is timed from its reset to its descriptor, policy and transitions included. Of PG variation the time of the
+thread that was asked for it is noted: that thread listens as well.
 """
 
 from __future__ import annotations
 
 import os
 import struct
+import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from pga_me_ros.tasks.locomotion import LocomotionTask, QDHalfCheetah, QDWalker
 
-FOLDER = "PGA_ME_EPISODE_TIMES"
+FOLDER = "PGA_ME_WORK_TIMES"
 """Environment variable: where each process notes its time; without it, none does."""
+
+EPISODES, PG_VARIATION = "episodes", "pg"
+"""Kinds of work."""
+
+
+class _Note:
+    """A file that always tells the seconds so far of some work of this process."""
+
+    def __init__(self, work: str) -> None:
+        folder = os.environ.get(FOLDER)
+        self._file = (Path(folder) / f"{work}-{os.getpid()}").open("wb", 0) if folder else None
+        self._total = 0.0
+
+    def add(self, seconds: float) -> None:
+        self._total += seconds
+        if self._file:
+            os.pwrite(self._file.fileno(), struct.pack("d", self._total), 0)
 
 
 class _Timed(LocomotionTask):
     def __init__(self) -> None:
         super().__init__()
-        self._started = self._total = 0.0
-        folder = os.environ.get(FOLDER)
-        self._note = (Path(folder) / str(os.getpid())).open("wb", 0) if folder else None
+        self._started = 0.0
+        self._note = _Note(EPISODES)
 
     def reset(self, rng: np.random.Generator) -> np.ndarray:
         self._started = time.thread_time()
@@ -31,9 +50,7 @@ class _Timed(LocomotionTask):
 
     def descriptor(self) -> np.ndarray:
         descriptor = super().descriptor()
-        self._total += time.thread_time() - self._started
-        if self._note:
-            os.pwrite(self._note.fileno(), struct.pack("d", self._total), 0)
+        self._note.add(time.thread_time() - self._started)
         return descriptor
 
 
@@ -45,7 +62,25 @@ class TimedHalfCheetah(_Timed, QDHalfCheetah):
     """QDHalfCheetah."""
 
 
-def episode_seconds(folder: str | Path) -> float:
-    """Return the core seconds that all processes noted in a folder."""
-    notes = [file.read_bytes() for file in Path(folder).iterdir()]
+def seconds_of(work: str, folder: str | Path) -> float:
+    """Return the core seconds of a kind of work that all processes noted in a folder."""
+    notes = [file.read_bytes() for file in Path(folder).glob(f"{work}-*")]
     return sum(struct.unpack("d", note)[0] for note in notes if note)
+
+
+def _time_pg_variation(module: Any) -> None:
+    note, vary = _Note(PG_VARIATION), module.pg_variation
+
+    def timed(*args: Any, **options: Any) -> Any:
+        start = time.thread_time()
+        try:
+            return vary(*args, **options)
+        finally:
+            note.add(time.thread_time() - start)
+
+    module.pg_variation = timed
+
+
+# A run's nodes import its task; the one that makes offspring has that module by then, the others do without torch.
+if FOLDER in os.environ and (_maker := sys.modules.get("pga_me_ros.core.make_offspring")):
+    _time_pg_variation(_maker)

@@ -8,11 +8,10 @@ The shares are of the core time of the graph's generations. What episodes take i
 between physics and the Python around it as in one process, where calls are timed. Critic training, PG variation, the
 archive and the rest of the work (GA offspring, building controllers, keeping experience) take what they take in one
 process while a second one does the same on the other core, because two busy cores share caches and memory. How much
-slower each is than one alone is printed, too: no program can bring a generation below half of that. What training takes
-beyond that in the graph is crowding: its threads wait for each other, and more threads than cores may take turns. All
-else that its processes use is messages: serialising, copying, storing, waking up, and what PG variation takes longer,
-whose thread is the one that listens. Time in which a core was idle is waiting; the rest went to other processes of the
-machine, this one and the kernel's among them.
+slower each is than one alone is printed, too: no program can bring a generation below half of that. What training and
+PG variation take beyond that in the graph is crowding: threads of a training look for each other, and more threads than
+cores take turns. All else that its processes use is messages: serialising, copying, storing, waking up. Time in which a
+core was idle is waiting; the rest went to other processes of the machine, this one and the kernel's among them.
 """
 
 from __future__ import annotations
@@ -45,7 +44,7 @@ from _processes import (
 )
 from _run_times import committed
 from _stopwatch import Stopwatch
-from _timed_tasks import FOLDER, episode_seconds
+from _timed_tasks import EPISODES, FOLDER, PG_VARIATION, seconds_of
 
 from pga_me_ros.core import make_offspring
 from pga_me_ros.core import search as core_search
@@ -86,6 +85,7 @@ class Measured:
         digest: Digest of the repertoire.
         listening: Core seconds of the threads of each kind of process that send and receive.
         episodes: Core seconds of the evaluators' episodes.
+        pg_variation: Core seconds of PG variation.
         idle: Seconds of all cores in which they had nothing to do.
     """
 
@@ -94,6 +94,7 @@ class Measured:
     digest: str
     listening: dict[str, float] = field(default_factory=dict)
     episodes: float = 0.0
+    pg_variation: float = 0.0
     idle: float = 0.0
 
 
@@ -164,10 +165,12 @@ def run_graph(part: Part, seed: int) -> Measured:
             file = Path(folder) / "repertoire.db"
             wait_for_generation(process, file, part.skipped - 1)
             before = core_seconds(process.pid), listening_seconds(process.pid)
-            episodes, idle = -episode_seconds(notes), -idle_seconds()
+            work = {kind: -seconds_of(kind, notes) for kind in (EPISODES, PG_VARIATION)}
+            idle = -idle_seconds()
             wait_for_generation(process, file, part.generations - 1)
             after = core_seconds(process.pid), listening_seconds(process.pid)
-            episodes, idle = episodes + episode_seconds(notes), idle + idle_seconds()
+            work = {kind: seconds + seconds_of(kind, notes) for kind, seconds in work.items()}
+            idle += idle_seconds()
             process.wait()
         finally:
             if process.poll() is None:
@@ -180,7 +183,9 @@ def run_graph(part: Part, seed: int) -> Measured:
     cores, listening = (
         {kind: b[kind] - a.get(kind, 0.0) for kind in b} for a, b in zip(before, after, strict=True)
     )
-    return Measured(seconds, cores, digest, listening, episodes, idle)
+    helpers = cores["variation"] - listening["variation"]
+    pg_variation = work[PG_VARIATION] + helpers
+    return Measured(seconds, cores, digest, listening, work[EPISODES], pg_variation, idle)
 
 
 def shares(busy: Measured, graph: Measured) -> dict[str, float]:
@@ -192,7 +197,7 @@ def shares(busy: Measured, graph: Measured) -> dict[str, float]:
     simulated = [parts[part] for part in SIMULATION]
     for part in SIMULATION:
         parts[part] *= graph.episodes / sum(simulated)
-    parts["crowding"] = training - parts["critic"]
+    parts["crowding"] = training - parts["critic"] + graph.pg_variation - parts["PG variation"]
     parts["messages"] = used - sum(parts.values())
     parts["waiting"] = graph.idle
     parts["other processes"] = available - used - graph.idle
@@ -217,7 +222,7 @@ def measure(name: str, part: Part, rounds: int) -> dict[str, Any]:
             f"{name} seed {seed}: one process {sum(alone.seconds):.1f} s, beside another "
             f"{sum(busy.seconds):.1f} s, graph {sum(graph.seconds):.1f} s; "
             f"core seconds by process {rounded(graph.cores)}, of threads that listen "
-            f"{rounded(graph.listening)}, of episodes {graph.episodes:.2f}",
+            f"{rounded(graph.listening)}, of episodes {graph.episodes:.2f}, of PG variation {graph.pg_variation:.2f}",
             flush=True,
         )
     share = {k: round(statistics.median(d[k] for d in divided), 3) for k in divided[0]}
