@@ -29,6 +29,7 @@ class Trainings:
 
     Attributes:
         lock: Held while the experience is read for a training.
+        fault: Why no more orders are taken, in words; empty while they are.
     """
 
     def __init__(
@@ -41,11 +42,11 @@ class Trainings:
         self._tell = tell
         self._fail = fail
         self.lock = threading.Lock()
+        self.fault = ""
         self._under_way: TrainingOrder | None = None
         self._next: TrainingOrder | None = None
         self._unwritten: list[TrainingOrder] = []
         self._writer = ThreadPoolExecutor(1)  # one after the other, as each replaces what is older
-        self._fault = ""
 
     def __len__(self) -> int:
         """Return the number of trainings that are under way or wait for the one before."""
@@ -69,8 +70,8 @@ class Trainings:
             StorageError: A stored file is damaged or missing.
         """
         with self.lock:
-            if self._fault:
-                raise RequestError(self._fault)
+            if self.fault:
+                raise RequestError(self.fault)
             if order in (self._under_way, self._next, *self._unwritten):
                 return None
             # Also while another training is under way: a restarted node asks for the snapshot it missed.
@@ -108,7 +109,7 @@ class Trainings:
     def _over(self, trained: Trained) -> TrainingOrder | None:
         """Have an outcome written, and get ready for the order that waits for it, which is returned."""
         with self.lock:
-            if self._fault:
+            if self.fault:
                 return None
             self._unwritten.append(trained.order)
             self._writer.submit(self._write, trained)
@@ -136,6 +137,6 @@ class Trainings:
     def _end(self, error: Exception) -> None:
         """Take no more orders."""
         with self.lock:
-            self._fault = str(error) if isinstance(error, PgaError) else repr(error)
+            self.fault = str(error) if isinstance(error, PgaError) else repr(error)
             self._under_way = self._next = None
         self._fail(error)

@@ -143,7 +143,7 @@ class CriticTrainerNode(GraphNode):
         self.diagnostics.queue = 0
         if not isinstance(error, PgaError):
             self.get_logger().error("".join(traceback.format_exception(error)))
-        reason = f"training failed: {error if isinstance(error, PgaError) else repr(error)}"
+        reason = f"training failed: {self._trainings.fault}"
         self.refused(reason)
         self.diagnostics.fault(reason)
 
