@@ -1,12 +1,13 @@
 # Every target sets up what is missing first; a set-up that is up to date costs a fraction of a second.
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help setup messages run test lint docs bench soak chaos fuzz two-hosts clean
+.PHONY: help setup messages run test lint docs bench same-bits soak chaos fuzz two-hosts clean
 
 # Settings for the command line:
 PYTHON ?=
 TASK ?= qd_walker
 ARGS ?=
+REV ?= HEAD
 WORKERS ?= 3
 
 BENCHES := rollout reset critic pg_variation graph archive scaling paper_scale
@@ -42,6 +43,9 @@ docs: setup ## Write docs/parameters.md and docs/interface.md anew, build docs/ 
 
 bench: setup ## Run the benchmarks
 	@$(IN_VENV) for name in $(BENCHES); do echo "== $$name"; python "bench/$$name.py" $(ARGS) || exit 1; done
+
+same-bits: setup ## Compare the results of tiny runs with those of the revision REV (HEAD), bit for bit
+	@$(IN_VENV) exec python bench/same_bits.py $(REV) $(ARGS)
 
 soak: setup ## Watch the memory of a run of 1,000 generations (an hour)
 	@$(IN_VENV) exec python bench/soak.py $(ARGS)
