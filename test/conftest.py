@@ -12,7 +12,7 @@ from pga_me_ros.core.settings import RATES, Settings
 from pga_me_ros.core.storage import Repertoire
 from pga_me_ros.tasks.registry import make_task, task_spec
 
-LONG = ("test/packaging/test_workspace.py", "test/graph/")
+LONG = ("test/packaging/test_workspace.py", "test/graph/", "test/old_runs/")
 """Tests of builds and processes take most of the time; begun last, they would leave one worker alone with it."""
 
 SMALL = {
