@@ -24,7 +24,8 @@ from domain_coordinator import domain_id
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "graph"))
 
-from graph import Graph, Probe, Started
+from graph import Graph, Probe, Started, wait_until
+from pga_me_msgs.srv import GetInfo
 
 from pga_me_ros.client import RepertoireClient
 from pga_me_ros.export.__main__ import main as export
@@ -111,7 +112,14 @@ def client(old: Old, monkeypatch: pytest.MonkeyPatch) -> Iterator[RepertoireClie
     with domain_id() as domain:
         graph, probe = Graph(domain, old.path.parent), Probe(domain)
         try:
-            graph.start("archive_manager", {"repertoire": old.path / "repertoire.db"})
+            manager = graph.start("archive_manager", {"repertoire": old.path / "repertoire.db"})
+            service = probe.node.create_client(GetInfo, "repertoire/get_info")
+
+            def ready() -> bool:
+                assert manager.process.poll() is None, manager.output
+                return service.service_is_ready()
+
+            wait_until(ready, "the archive manager")
             yield RepertoireClient(probe.node, timeout=60.0)
         finally:
             probe.close()
