@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
+from html import unescape
 from pathlib import Path
 
 import pytest
@@ -27,18 +28,46 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_every_page_is_in_the_site_and_its_menu(site: Path) -> None:
+def pages() -> list[str]:
+    """Return the pages of docs/ without their suffix, relative to docs/."""
+    docs = ROOT / "docs"
+    return [page.relative_to(docs).with_suffix("").as_posix() for page in docs.rglob("*.md")]
+
+
+def test_every_page_is_in_the_site_and_once_in_its_menu(site: Path) -> None:
+    listed = re.findall(r"(\S+)\.md$", (ROOT / "mkdocs.yml").read_text(), re.MULTILINE)
+    assert sorted(listed) == sorted(pages())
     menu = (site / "index.html").read_text()
-    for page in (ROOT / "docs").glob("*.md"):
-        assert (site / f"{page.stem}.html").exists()
-        assert f'href="{page.stem}.html"' in menu, page
+    for page in pages():
+        assert (site / f"{page}.html").exists()
+        assert f'href="{page}.html"' in menu, page
 
 
-def test_links_to_sources_lead_to_their_text(site: Path) -> None:
-    assert 'href="source/pga_me_ros/core/rng.py.html"' in (site / "design.html").read_text()
-    assert "def generator" in re.sub(
-        "<[^>]*>", "", (site / "source/pga_me_ros/core/rng.py.html").read_text()
-    )
+@pytest.mark.parametrize(
+    ("page", "link"),
+    [
+        ("design", "source/pga_me_ros/core/rng.py.html"),
+        ("decisions/0010-events-executor", "../source/pga_me_ros/ros/spinning.py.html"),
+    ],
+)
+def test_links_to_sources_lead_to_their_text(site: Path, page: str, link: str) -> None:
+    html = site / f"{page}.html"
+    assert f'href="{link}"' in html.read_text()
+    source = ROOT / link.removeprefix("../").removeprefix("source/").removesuffix(".html")
+    shown = unescape(re.sub("<[^>]*>", "", (html.parent / link).read_text()))
+    assert source.read_text().strip() in shown
+
+
+def test_long_commands_wrap_and_can_be_copied(site: Path) -> None:
+    page = (site / "behavior_player.html").read_text()
+    assert 'href="stylesheets/code.css"' in page
+    assert "content.code.copy" in page
+    assert page.count('<div class="language-text highlight">') == page.count("<pre>")
+    assert '<div class="language-bash highlight">' in (site / "tutorial.html").read_text()
+    style = (site / "stylesheets/code.css").read_text()
+    assert ".language-text pre > code" in style
+    assert ".language-bash pre > code" in style
+    assert "white-space: pre-wrap" in style
 
 
 def test_nothing_is_fetched_from_elsewhere(site: Path) -> None:
