@@ -37,8 +37,8 @@ PAGE = """\
 
 <!-- Made by scripts/interface_docs.py from msg_defs, ros/names.py, ros/qos.py and the nodes; edit those. -->
 
-Names are relative unless they begin with `/`; `~` is the name of the node. All topics are reliable, "latched" ones are
-transient local: who comes late gets the newest. Services have the default quality of service of ROS 2.
+Names are relative unless they begin with `/`; `~` is the name of the node. All topics are reliable. "Latched" topics
+are transient local: a late subscriber gets the newest message. Services use the default quality of service of ROS 2.
 
 ## Topics
 
@@ -132,25 +132,33 @@ def _service_rows(found: list[Offer]) -> str:
 
 
 def _definition(path: Path) -> str:
-    """Return a .msg or .srv file in Markdown: what stands above its fields, and a table of them."""
-    about, rows, part = [], [], "request" if path.suffix == ".srv" else ""
-    for line in path.read_text().splitlines():
-        if line == "---":
+    """Return a .msg or .srv file in Markdown: what it says at its top, and a table of its fields.
+
+    A comment right above a field is its meaning; one with an empty line below it is about all that follows.
+    """
+    about, rows, comment = [], [], []
+    part = "request" if path.suffix == ".srv" else ""
+    for line in [*path.read_text().splitlines(), ""]:
+        if line.startswith("#"):
+            comment.append(line[1:].strip())
+        elif line == "---":
             part = "response"
-        elif line.startswith("#"):
-            (rows if rows else about).append(
-                f"| | | {line[1:].strip()} |" if rows else line[1:].strip()
-            )
-        elif line.strip():
-            field, _, meaning = line.partition("#")
-            kind, _, name = field.strip().partition(" ")
-            cells = ([part] if part else []) + [f"`{name.strip()}`", f"`{kind}`", meaning.strip()]
-            rows.append(f"| {' | '.join(cells)} |")
-    head = ["part", "field", "type", "meaning"] if part else ["field", "type", "meaning"]
-    if part:
-        rows = [f"| {row}" if row.startswith("| | |") else row for row in rows]
-    table = [f"| {' | '.join(head)} |", "|" + "---|" * len(head), *rows] if rows else []
+        elif line:
+            kind, _, name = line.partition(" ")
+            rows.append([part, f"`{name}`", f"`{kind}`", " ".join(comment)])
+            comment = []
+        elif comment:
+            if about:
+                rows.append(["", "", "", " ".join(comment)])
+            about, comment = about or comment, []
+    columns = slice(0 if part else 1, None)
+    head = ["part", "field", "type", "meaning"][columns]
+    table = [_row(head), "|" + "---|" * len(head), *(_row(row[columns]) for row in rows)]
     return "\n".join([f"### {path.stem}", "", *about, "", *table, ""])
+
+
+def _row(cells: list[str]) -> str:
+    return f"| {' | '.join(cells)} |"
 
 
 def page() -> str:

@@ -85,3 +85,17 @@ def test_the_interface_page_has_every_name() -> None:
     offered = {offer.name for offer in interface_docs.offers()}
     every = {value for name, value in vars(names).items() if name.isupper()}
     assert every - offered == set()
+
+
+@pytest.mark.parametrize(
+    "path", sorted((ROOT / "msg_defs").rglob("*.[ms][sr][gv]")), ids=lambda p: p.stem
+)
+def test_every_field_of_a_message_is_explained_right_above_it(path: Path) -> None:
+    above = ""
+    for line in path.read_text().splitlines():
+        if line and line != "---" and not line.startswith("#"):
+            assert above.startswith("# "), line
+            assert "#" not in line, (
+                "ros2 interface show leaves out comments beside the fields of nested types"
+            )
+        above = line
