@@ -95,7 +95,5 @@ def test_every_field_of_a_message_is_explained_right_above_it(path: Path) -> Non
     for line in path.read_text().splitlines():
         if line and line != "---" and not line.startswith("#"):
             assert above.startswith("# "), line
-            assert "#" not in line, (
-                "ros2 interface show leaves out comments beside the fields of nested types"
-            )
+            assert "#" not in line, "the comment belongs above the field"
         above = line
