@@ -47,6 +47,9 @@ docs: setup ## Regenerate docs/parameters.md and docs/interface.md, build the si
 bench: setup ## Run the benchmarks
 	@$(IN_VENV) for name in $(BENCHES); do echo "== $$name"; python "bench/$$name.py" $(ARGS) || exit 1; done
 
+same-bits: setup ## Compare the results of tiny runs with those of the revision REV (HEAD), bit for bit
+	@$(IN_VENV) exec python bench/same_bits.py $(REV) $(ARGS)
+
 soak: setup ## Measure memory over 1,000 generations (about an hour)
 	@$(IN_VENV) exec python bench/soak.py $(ARGS)
 

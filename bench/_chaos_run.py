@@ -13,7 +13,7 @@ from typing import Any
 
 from _run_times import committed
 
-from pga_me_ros.core.storage import Repertoire
+from pga_me_ros.core.storage.repertoire import Repertoire
 
 POLL = 0.02
 """Seconds between two looks at what other processes do, of which nobody tells."""

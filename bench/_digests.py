@@ -33,28 +33,25 @@ from pga_me_ros.tasks.registry import load_task
 Digests = dict[str, list[str]]
 """Digests of a run by part, in the order of its generations where the part has one for each."""
 
-COMMON = {
-    "seed": 11,
-    "n_grad": 3,
-    "n_crit": 11,
+COMMON = {"seed": 11, "controller_hidden": (8, 8)}
+CRITICS = {
     "transition_batch": 32,
-    "cvt_samples": 2000,
-    "controller_hidden": (8, 8),
     "critic_hidden": (16, 16),
+    "replay_size": 3000,  # transitions; some runs overwrite the first ones
 }
-REPLAY = {"replay_size": 3000}
-"""Transitions; some runs overwrite the first ones."""
-
-PGA = {"batch_size": 7, "n_evo": 3, **REPLAY}
+PG = {**CRITICS, "n_crit": 11, "n_grad": 3}
 ALGORITHMS: dict[str, dict[str, Any]] = {
-    "pga_map_elites": PGA,
-    "map_elites": {**PGA, "n_evo": 7},
-    "pg_only": {**PGA, "n_evo": 0},
-    "td3": {"batch_size": 2, **REPLAY},
+    "pga_map_elites": {"batch_size": 7, "n_evo": 3, **PG},
+    "map_elites": {"batch_size": 7, "n_evo": 7},
+    "pg_only": {"batch_size": 7, "n_evo": 0, **PG},
+    "td3": {"batch_size": 2, **CRITICS},
     "map_elites_es": {"es_samples": 6, "batch_size": 7, "es_steps": 2, "es_neighbors": 3},
-    "qd_rl": {"batch_size": 5, "novelty_neighbors": 3, "state_archive_size": 300, **REPLAY},
+    "qd_rl": {"batch_size": 5, "novelty_neighbors": 3, "state_archive_size": 300, **PG},
 }
-TASKS: dict[str, dict[str, Any]] = {"qd_hopper": {"cells": 40}, "qd_ant": {"archive": "grid"}}
+TASKS: dict[str, dict[str, Any]] = {
+    "qd_hopper": {"cells": 40, "cvt_samples": 2000},
+    "qd_ant": {"archive": "grid"},
+}
 
 GENERATIONS = {"qd_hopper": 12, "qd_ant": 5}
 """An episode of the ant is always 1000 steps long, one of a hopper that falls much shorter."""
@@ -154,7 +151,8 @@ def search(algorithm: str, task_name: str) -> Digests:
         "elites' fitness": [digest(*(e["fitness"] for e in elites))],
         "elites' descriptors": [digest(*(e["descriptor"] for e in elites))],
         "elites' lineage": [digest(*(int(e[n]) for e in elites for n in (*LINEAGE, *EPISODE)))],
-        "critics": [digest_of_contents(run.learner.state().values())],
+        # map_elites learns nothing.
+        "critics": [digest_of_contents(run.learner.state().values())] * (algorithm != "map_elites"),
     }
 
 

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from pga_me_ros.tasks.locomotion import LocomotionTask, QDHalfCheetah, QDWalker
+from pga_me_ros.tasks.bullet.locomotion import LocomotionTask, QDHalfCheetah, QDWalker
 
 FOLDER = "PGA_ME_WORK_TIMES"
 """Environment variable: where each process notes its time; without it, none does."""
@@ -82,5 +82,5 @@ def _time_pg_variation(module: Any) -> None:
 
 
 # A run's nodes import its task; the one that makes offspring has that module by then, the others do without torch.
-if FOLDER in os.environ and (_maker := sys.modules.get("pga_me_ros.core.make_offspring")):
+if FOLDER in os.environ and (_maker := sys.modules.get("pga_me_ros.core.variation.make_offspring")):
     _time_pg_variation(_maker)

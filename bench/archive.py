@@ -25,8 +25,8 @@ from pga_me_msgs.srv import GetBehavior
 from ribs.archives import CVTArchive
 from std_srvs.srv import Trigger
 
-from pga_me_ros.core.archive import Solutions
-from pga_me_ros.core.make_archive import make_archive
+from pga_me_ros.core.archive.elites import Solutions
+from pga_me_ros.core.archive.make_archive import make_archive
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.tasks.registry import task_spec
 

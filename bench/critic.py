@@ -9,16 +9,18 @@ from __future__ import annotations
 
 import argparse
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from itertools import pairwise
 
 import numpy as np
 import torch
 from _measure import product_rate, seconds, spread
-from torch import nn
 
-from pga_me_ros.core.critic import CriticTrainer
-from pga_me_ros.core.replay import ReplayBuffer
+from pga_me_ros.core.learning.critic_trainer import CriticTrainer
+from pga_me_ros.core.learning.replay_buffer import ReplayBuffer
+from pga_me_ros.core.learning.td3_step import TextbookTd3, TransitionBatch, perceptron
+from pga_me_ros.core.networks.mlp import random_critic, random_parameters
+from pga_me_ros.core.networks.shapes import controller_shape, critic_shape
 from pga_me_ros.core.settings import Settings
 
 
@@ -30,71 +32,34 @@ class WalkerDimensions:
     action_dim: int = 6
 
 
-class TextbookTd3:
-    """TD3 as a textbook writes it: modules, autograd, `torch.optim.Adam`, an array per column."""
+class Textbook:
+    """The readable form of the same training, `td3_step.TextbookTd3`, with an array per column of the replay buffer."""
 
     def __init__(self, spec: WalkerDimensions, settings: Settings, replay: ReplayBuffer) -> None:
         """Make the networks, and the arrays from the rows of a replay buffer."""
         obs, act = spec.observation_dim, spec.action_dim
-        self.settings = settings
         rows = replay.rows(np.arange(len(replay)))
-        columns = np.cumsum([obs, act, obs, 1])
-        self.data = [torch.from_numpy(a.copy()) for a in np.split(rows, columns, axis=1)]
-        actor_sizes = (obs, *settings.controller_hidden, act)
-        critic_sizes = (obs + act, *settings.critic_hidden, 1)
-        self.actor, self.actor_target = (perceptron(actor_sizes, tanh=True) for _ in range(2))
-        self.critics = [perceptron(critic_sizes) for _ in range(2)]
-        self.critic_targets = [perceptron(critic_sizes) for _ in range(2)]
-        weights = [p for critic in self.critics for p in critic.parameters()]
-        self.critic_adam = torch.optim.Adam(weights, settings.critic_learning_rate)
-        self.actor_adam = torch.optim.Adam(self.actor.parameters(), settings.greedy_learning_rate)
+        columns = np.split(rows, np.cumsum([obs, act, obs, 1]), axis=1)
+        states, actions, next_states, rewards, not_done = (
+            torch.from_numpy(column.copy()) for column in columns
+        )
+        self._data = TransitionBatch(states, actions, rewards, next_states, not_done)
+        rng, critics = np.random.default_rng(0), critic_shape(spec, settings)
+        controllers = controller_shape(spec, settings)
+        self._td3 = TextbookTd3(
+            perceptron(controllers, random_parameters(controllers, rng), tanh=True),
+            [perceptron(critics, random_critic(critics, rng)) for _ in range(2)],
+            settings,
+        )
+        self._settings = settings
 
     def train(self) -> None:
         """Take n_crit steps."""
-        s = self.settings
-        for t in range(1, s.n_crit + 1):
-            indices = torch.randint(0, len(self.data[0]), (s.transition_batch,))
-            state, action, next_state, reward, not_done = (d[indices] for d in self.data)
-            with torch.no_grad():
-                noise = (torch.randn_like(action) * s.smoothing_sigma).clamp(
-                    -s.smoothing_clip, s.smoothing_clip
-                )
-                next_action = (self.actor_target(next_state) + noise).clamp(-1, 1)
-                x = torch.cat([next_state, next_action], 1)
-                q1, q2 = (target(x) for target in self.critic_targets)
-                y = reward + not_done * s.discount * torch.min(q1, q2)
-            x = torch.cat([state, action], 1)
-            errors = [nn.functional.mse_loss(q(x), y) for q in self.critics]
-            loss = errors[0] + errors[1]
-            self.critic_adam.zero_grad()
-            loss.backward()
-            self.critic_adam.step()
-            if t % s.target_period == 0:
-                objective = -self.critics[0](torch.cat([state, self.actor(state)], 1)).mean()
-                self.actor_adam.zero_grad()
-                objective.backward()
-                self.actor_adam.step()
-                self.move_targets()
-
-    def move_targets(self) -> None:
-        """Move each target tensor by tau."""
-        pairs = [
-            (self.actor, self.actor_target),
-            *zip(self.critics, self.critic_targets, strict=True),
-        ]
-        for online, target in pairs:
-            for p, q in zip(online.parameters(), target.parameters(), strict=True):
-                q.data.copy_(
-                    self.settings.target_rate * p.data + (1 - self.settings.target_rate) * q.data
-                )
-
-
-def perceptron(sizes: tuple[int, ...], *, tanh: bool = False) -> nn.Sequential:
-    """Return a torch perceptron with rectified hidden layers."""
-    layers: list[nn.Module] = []
-    for n_in, n_out in pairwise(sizes):
-        layers += [nn.Linear(n_in, n_out), nn.ReLU()]
-    return nn.Sequential(*layers[:-1], *([nn.Tanh()] if tanh else []))
+        data, rows = self._data, self._settings.transition_batch
+        for t in range(1, self._settings.n_crit + 1):
+            i = torch.randint(0, len(data.states), (rows,))
+            batch = TransitionBatch(*(getattr(data, f.name)[i] for f in fields(data)))
+            self._td3.step(t, batch, torch.randn_like(batch.actions))
 
 
 def products(sizes: tuple[int, ...], rows: int) -> int:
@@ -143,7 +108,7 @@ def main() -> None:
     torch.set_num_threads(arguments.threads)
     replay = filled_replay(spec, arguments.transitions)
     ours, together = (CriticTrainer(spec, settings, workers) for workers in (1, 2))
-    textbook = TextbookTd3(spec, settings, replay)
+    textbook = Textbook(spec, settings, replay)
     for trainer in (ours, together):
         trainer.train(replay, settings.replace(n_crit=20), 0)
     operations = needed_operations(spec, settings) * settings.n_crit

@@ -29,7 +29,7 @@ from pga_me_msgs.srv import Evaluate
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
-from pga_me_ros.core.policy import MlpShape
+from pga_me_ros.core.networks.mlp import MlpShape
 from pga_me_ros.ros import names, qos
 from pga_me_ros.ros.convert import flat
 from pga_me_ros.ros.environment import prepare_environment

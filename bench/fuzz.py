@@ -1,5 +1,7 @@
 """The long proof that nobody can spoil a run by what they send to it: a fuzzer in the ROS domain of a run under way.
 
+Bad values for every parameter of every node come first: each must be refused in one line that names it.
+
 Run: `make fuzz`, or `.venv/bin/python bench/fuzz.py [--cases 10000] [--seed 0]`; the last line is JSON, the exit code 0
 only if every request got an answer, every malformed or foreign one a refusal with its reason, no node died, and the
 repertoire is that of `core.search` for the same generations, bit for bit.
@@ -12,6 +14,7 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import subprocess
 import sys
 import tempfile
 import time
@@ -31,8 +34,9 @@ from processes import children
 from reference import run_digest, run_settings, search_digest
 from std_srvs.srv import Trigger
 
-from pga_me_ros.core.storage import Repertoire
+from pga_me_ros.core.storage.repertoire import Repertoire
 
+PARAMETERS = Path(__file__).resolve().parents[1] / "test/ros/parameter_fuzz.py"
 RUN = {"evaluations": 10**7, "replay_size": 5000, "evaluators": 1}
 
 
@@ -115,11 +119,13 @@ def main() -> int:
     parser.add_argument("--cases", type=int, default=10_000)
     parser.add_argument("--seed", type=int, default=0, help="of the run; the cases are the same")
     arguments = parser.parse_args()
+    parameters = subprocess.run([sys.executable, PARAMETERS], check=False)
     with tempfile.TemporaryDirectory() as folder:
         figures = fuzz_a_run(Path(folder), arguments.cases, arguments.seed)
     figures["wrong"] = len(figures["wrong"])
+    figures["parameters_refused"] = parameters.returncode == 0
     print(json.dumps({"bench": "fuzz", "figures": figures}))
-    return 1 if figures["wrong"] else 0
+    return 1 if figures["wrong"] or parameters.returncode else 0
 
 
 if __name__ == "__main__":

@@ -46,11 +46,11 @@ from _run_times import committed
 from _stopwatch import Stopwatch
 from _timed_tasks import EPISODES, FOLDER, PG_VARIATION, seconds_of
 
-from pga_me_ros.core import make_offspring
 from pga_me_ros.core import search as core_search
 from pga_me_ros.core.search import Search
 from pga_me_ros.core.settings import Settings
-from pga_me_ros.core.storage import Repertoire
+from pga_me_ros.core.storage.repertoire import Repertoire
+from pga_me_ros.core.variation import make_offspring
 from pga_me_ros.tasks.registry import load_task
 
 CORES = 2

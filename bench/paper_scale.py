@@ -23,12 +23,14 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 from _measure import seconds
 
-from pga_me_ros.core.learner import Learner
-from pga_me_ros.core.offspring import pg_states, random_controllers
-from pga_me_ros.core.pg_variation import pg_variation
-from pga_me_ros.core.policy import Controller, controller_shape
-from pga_me_ros.core.schedule import evaluation_rng
+from pga_me_ros.core.evaluation import evaluation_rng
+from pga_me_ros.core.learning.critic_learner import CriticLearner
+from pga_me_ros.core.networks.controller import MlpController
+from pga_me_ros.core.networks.shapes import controller_shape
 from pga_me_ros.core.settings import Settings
+from pga_me_ros.core.snapshot import CRITIC
+from pga_me_ros.core.variation.policy_gradient import pg_states, pg_variation
+from pga_me_ros.core.variation.random_controllers import random_controllers
 from pga_me_ros.tasks.registry import load_task
 from pga_me_ros.tasks.rollout import Episode, rollout
 
@@ -60,8 +62,8 @@ def measure(task_name: str, rounds: int) -> Costs:
     settings = Settings(task=task_name, replay_size=100_000)
     shape = controller_shape(task.spec, settings)
     parents = random_controllers(settings, shape, 0, 0, settings.batch_size)
-    controllers = [Controller(shape, p) for p in parents[:EPISODES]]
-    learner, by_two = (Learner(task.spec, settings, workers) for workers in (1, 2))
+    controllers = [MlpController(shape, p) for p in parents[:EPISODES]]
+    learner, by_two = (CriticLearner(task.spec, settings, workers) for workers in (1, 2))
 
     def simulate() -> list[Episode]:
         episodes = [rollout(task, c, evaluation_rng(0, k)) for k, c in enumerate(controllers)]
@@ -72,16 +74,17 @@ def measure(task_name: str, rounds: int) -> Costs:
     steps = sum(e.length for e in episodes)
     by_two.add(0, episodes)
     snapshot, _ = (one.train(settings.replace(n_crit=20), 0) for one in (learner, by_two))
+    critic_shape, critic = snapshot.network(CRITIC)
     n_pg = settings.batch_size - 1 - settings.n_evo
 
     def vary() -> None:
         pg_variation(
             parents[:n_pg],
-            snapshot.critic,
+            critic,
             pg_states(snapshot, 0, n_pg),
             settings.pg_learning_rate,
             shape,
-            snapshot.critic_shape,
+            critic_shape,
             threads=1,
         )
 

@@ -13,18 +13,18 @@ from itertools import pairwise
 import numpy as np
 import torch
 from _measure import product_rate, seconds, spread
-from numpy.typing import NDArray
 from torch import nn
 
-from pga_me_ros.core.pg_variation import pg_variation
-from pga_me_ros.core.policy import MlpShape, random_critic, random_parameters
+from pga_me_ros.arrays import Float32Array
+from pga_me_ros.core.networks.mlp import MlpShape, random_critic, random_parameters
+from pga_me_ros.core.variation.policy_gradient import pg_variation
 
 CONTROLLER = MlpShape((22, 128, 128, 6))
 CRITIC = MlpShape((28, 256, 256, 1))
 LEARNING_RATE = 1e-3
 
 
-def module_of(shape: MlpShape, flat: NDArray[np.float32], *, tanh: bool) -> nn.Sequential:
+def module_of(shape: MlpShape, flat: Float32Array, *, tanh: bool) -> nn.Sequential:
     """Return a torch module with the parameters of a flat vector."""
     layers: list[nn.Module] = []
     for n_in, n_out in pairwise(shape.sizes):
@@ -35,8 +35,8 @@ def module_of(shape: MlpShape, flat: NDArray[np.float32], *, tanh: bool) -> nn.S
 
 
 def textbook_offspring(
-    parent: NDArray[np.float32], critic: nn.Module, batches: NDArray[np.float32]
-) -> NDArray[np.float32]:
+    parent: Float32Array, critic: nn.Module, batches: Float32Array
+) -> Float32Array:
     """Make one offspring with modules, autograd and `torch.optim.Adam`."""
     controller = module_of(CONTROLLER, parent, tanh=True)
     optimiser = torch.optim.Adam(controller.parameters(), LEARNING_RATE)
@@ -75,12 +75,12 @@ def main() -> None:
     critic = module_of(CRITIC, flat_critic, tanh=False)
     states = rng.standard_normal((10, 256, CONTROLLER.sizes[0]), np.float32)
 
-    def ours(workers: int) -> NDArray[np.float32]:
+    def ours(workers: int) -> Float32Array:
         return pg_variation(
             parents, flat_critic, states, LEARNING_RATE, CONTROLLER, CRITIC, workers=workers
         )
 
-    def textbook() -> list[NDArray[np.float32]]:
+    def textbook() -> list[Float32Array]:
         return [textbook_offspring(parent, critic, states) for parent in parents]
 
     textbook_offspring(parents[0], critic, states)

@@ -25,7 +25,8 @@ import torch
 from _measure import tabulated
 from torch import nn
 
-from pga_me_ros.core.policy import Controller, MlpShape, random_parameters
+from pga_me_ros.core.networks.controller import MlpController
+from pga_me_ros.core.networks.mlp import MlpShape, random_parameters
 from pga_me_ros.tasks.registry import load_task
 from pga_me_ros.tasks.rollout import rollout
 
@@ -106,7 +107,7 @@ def time_physics(task: Any, script: Script) -> float:
     return total
 
 
-def torch_policy(controller: Controller) -> nn.Sequential:
+def torch_policy(controller: MlpController) -> nn.Sequential:
     layers: list[nn.Module] = []
     for matrix in controller._matrices:
         linear = nn.Linear(len(matrix) - 1, matrix.shape[1])
@@ -145,7 +146,7 @@ def measure_task(name: str, rounds: int) -> dict[str, list[float]]:
     stock_reset(environment, 0)
     scripts = rhythmic_episodes(task)
     shape = MlpShape((task.spec.observation_dim, 128, 128, task.spec.action_dim))
-    controllers = [Controller(shape, random_parameters(shape, generator(i))) for i in range(8)]
+    controllers = [MlpController(shape, random_parameters(shape, generator(i))) for i in range(8)]
     policies = [torch_policy(controller) for controller in controllers]
     ratios: dict[str, list[float]] = {
         "step_vs_stock": [],

@@ -1,7 +1,53 @@
-"""PGA-MAP-Elites as a ROS 2 node graph.
+"""PGA-MAP-Elites as a ROS 2 node graph, and as a library.
 
 Grows a repertoire of neural-network gaits that differ in how they use the robot's feet (Nilsson &
 Cully 2021, "Policy Gradient Assisted MAP-Elites"), and offers it to other nodes.
+
+The names below are loaded when they are first used: ``import pga_me_ros`` itself loads no other package. What another
+robot's node needs is in `pga_me_ros.client`.
 """
 
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from pga_me_ros.core.algorithms import ALGORITHMS
+    from pga_me_ros.core.search import Search
+    from pga_me_ros.core.settings import Settings
+    from pga_me_ros.library import StoredRun, save_run
+    from pga_me_ros.tasks.registry import load_task, make_task
+
 __version__ = "0.1.0"
+
+__all__ = [
+    "ALGORITHMS",
+    "Search",
+    "Settings",
+    "StoredRun",
+    "load_task",
+    "make_task",
+    "save_run",
+]
+
+_MODULES = {
+    "ALGORITHMS": "core.algorithms",
+    "Search": "core.search",
+    "Settings": "core.settings",
+    "StoredRun": "library",
+    "load_task": "tasks.registry",
+    "make_task": "tasks.registry",
+    "save_run": "library",
+}
+
+
+def __getattr__(name: str) -> Any:
+    """Load a public name (PEP 562)."""
+    if name not in _MODULES:
+        raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
+    return getattr(importlib.import_module(f"{__name__}.{_MODULES[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -30,7 +30,7 @@ STANDARD = {
 """Packages of the types that are not our own."""
 
 DRAWN = {"HEATMAP": "Image", "GRID": "OccupancyGrid"}
-"""Types of the topics that heatmap_topic.py makes by a loop."""
+"""Types of the topics that archive_pictures.py makes by a loop."""
 
 PAGE = """\
 # Interface: topics, services and types
@@ -89,7 +89,7 @@ def _offer(call: ast.Call, path: Path) -> Iterator[Offer]:
 
 
 def _drawn() -> Iterator[Offer]:
-    path = PACKAGE / "nodes" / "heatmap_topic.py"
+    path = PACKAGE / "serving" / "archive_pictures.py"
     for constant, type_name in DRAWN.items():
         if hasattr(names, constant):
             yield _made(constant, "topic", type_name, "LATCHED", path)

@@ -16,6 +16,10 @@ _pga_me_prepend CMAKE_PREFIX_PATH "$_pga_me_prefix"
 export VIRTUAL_ENV="$_pga_me_prefix"
 export ROS_DISTRO=jazzy ROS_VERSION=2 ROS_PYTHON_VERSION=3
 # The wheels hold this middleware and no other.
+case "${RMW_IMPLEMENTATION:-rmw_fastrtps_cpp}" in
+    rmw_fastrtps_cpp) ;;
+    *) echo "RMW_IMPLEMENTATION was $RMW_IMPLEMENTATION; this environment has rmw_fastrtps_cpp only, and sets that." >&2 ;;
+esac
 export RMW_IMPLEMENTATION=rmw_fastrtps_cpp
 # What colcon must tell CMake so that it can build against the wheels; your own file goes first.
 export COLCON_DEFAULTS_FILE="${COLCON_DEFAULTS_FILE:-$_pga_me_prefix/colcon_defaults.yaml}"

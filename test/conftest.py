@@ -7,9 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from pga_me_ros.core.run_directory import open_run
+from pga_me_ros.core.runs.run_directory import open_run
 from pga_me_ros.core.settings import RATES, Settings
-from pga_me_ros.core.storage import Repertoire
+from pga_me_ros.core.settings.rules import of_other_archives
+from pga_me_ros.core.storage.repertoire import Repertoire
 from pga_me_ros.tasks.registry import make_task, task_spec
 
 LONG = ("test/packaging/test_workspace.py", "test/graph/", "test/old_runs/")
@@ -35,10 +36,13 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 def store_run(folder: Path, **settings: object) -> Path:
-    """Carry out a run in this process and store it; returns its folder."""
+    """Carry out a run in this process and store it; returns its folder. None leaves a setting out."""
     from pga_me_ros.core.search import Search
 
-    asked = Settings.from_mapping({**SMALL, **settings})
+    unused = of_other_archives(str(settings.get("archive", Settings.archive)))
+    small = {name: value for name, value in SMALL.items() if name not in unused}
+    given = {name: value for name, value in {**small, **settings}.items() if value is not None}
+    asked = Settings.from_mapping(given)
     directory = open_run(folder, task_spec(asked.task), asked)
     directory.lock.release()
     task = make_task(asked.task)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import importlib
 import re
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -14,68 +15,245 @@ PACKAGE = "pga_me_ros"
 LONGEST = 330
 """Lines of the longest source file; about 300 is the aim."""
 
+ROOTS = {"errors", "arrays"}
+"""Files at the top of the package that everybody may import; they import none of its rooms."""
+
+FACE = {"library"}
+"""What Python users import; it may import everything, and no room imports it."""
+
 MAY_IMPORT = {
-    "core": {"core", "tasks"},
-    "tasks": {"core", "tasks"},
-    "ros": {"core", "tasks", "ros"},
-    "report": {"core", "tasks", "experiment", "report"},
-    "export": {"core", "tasks", "export"},
-    "reevaluate": {"core", "tasks", "reevaluate"},
-    "experiment": {"core", "tasks", "ros", "reevaluate", "experiment"},
-    "player": {"core", "tasks", "player", "client"},
-    "render": {"core", "tasks", "player", "render"},
-    "recording": {"core", "tasks", "ros", "recording"},
-    "replay": {"core", "tasks", "ros", "recording", "replay"},
-    "nodes": {"core", "tasks", "ros", "nodes", "client", "player", "recording"},
+    "tasks": set(),
+    "tasks/bullet": {"tasks"},
+    "process": set(),
+    "core/settings": set(),
+    "core/networks": {"core/settings"},
+    "core/archive": {"core", "core/networks", "core/settings", "tasks"},
+    "core/gradients": {"core/networks"},
+    "core/learning": {"core", "core/gradients", "core/networks", "core/settings", "tasks"},
+    "core/variation": {"core", "core/gradients", "core/networks", "core/settings"},
+    "core/algorithms": {
+        "core",
+        "core/archive",
+        "core/learning",
+        "core/networks",
+        "core/settings",
+        "core/variation",
+        "tasks",
+    },
+    "core": {
+        "core/algorithms",
+        "core/archive",
+        "core/networks",
+        "core/settings",
+        "core/variation",
+        "tasks",
+    },
+    "core/storage": {"core", "core/archive", "core/networks", "core/settings", "tasks"},
+    "core/runs": {
+        "core",
+        "core/algorithms",
+        "core/archive",
+        "core/networks",
+        "core/settings",
+        "core/storage",
+        "core/variation",
+        "tasks",
+    },
+    "core/training": {
+        "core",
+        "core/algorithms",
+        "core/learning",
+        "core/runs",
+        "core/settings",
+        "tasks",
+    },
+    "ros": {"core*", "process", "tasks"},
+    "client": {"core/networks", "ros"},
+    "orchestration": {"core*", "process", "ros", "tasks"},
+    "serving": {"core*", "ros", "tasks"},
+    "nodes": {
+        "core*",
+        "orchestration",
+        "player",
+        "process",
+        "recording",
+        "ros",
+        "serving",
+        "tasks",
+    },
+    "demo": {"client", "core*", "process", "ros", "tasks"},
+    "player": {"client", "core*", "tasks"},
+    "render": {"core*", "player", "process", "tasks"},
+    "report": {"core*", "experiment", "process", "tasks"},
+    "export": {"core*", "process", "tasks"},
+    "reevaluate": {"core*", "process", "tasks"},
+    "recording": {"core*", "ros", "tasks"},
+    "replay": {"core*", "process", "recording", "ros", "tasks"},
+    "experiment": {"core*", "process", "reevaluate", "ros", "tasks"},
 }
+"""What each room may import besides itself; ``core*`` is every room of core. docs/design.md says why."""
+
+ROS_ROOMS = {
+    "ros",
+    "client",
+    "orchestration",
+    "serving",
+    "nodes",
+    "demo",
+    "player",
+    "recording",
+    "replay",
+}
+TORCH = {
+    "core/gradients",
+    "core/learning",
+    "core/training",
+    "core/variation/policy_gradient",
+    "core/algorithms/qd_rl/learner",
+    "core/algorithms/qd_rl/diversity_replay",
+    "core/algorithms/td3/learner",
+    "core/algorithms/learners",
+    "export",
+    "replay",
+}
+"""Rooms and files that may import torch by themselves; everything else stays light."""
+
+PYBULLET = {"tasks/bullet", "tasks/body", "player", "render", "reevaluate"}
+
 ONLY_DATA_OF_TASKS = {"protocol", "rollout", "spec"}
 """What core may know of tasks: what a task is and what an episode is, not which there are."""
 
+IN_CORE = {"search", "plan", "evaluation", "batch", "snapshot", "operators", "rng", "__init__"}
+"""The files beside the rooms of core: they tell the algorithm."""
+
+NODES = {
+    "archive_manager",
+    "behavior_player",
+    "critic_trainer",
+    "evaluator",
+    "orchestrator",
+    "record",
+    "variation",
+}
+
 SOURCES = sorted((ROOT / PACKAGE).rglob("*.py"))
-
-
-def imports(path: Path) -> set[str]:
-    """Return the modules of the package that a file imports, from anywhere in it, without the package's name."""
-    found: set[str] = set()
-    for node in ast.walk(ast.parse(path.read_text())):
-        if isinstance(node, ast.ImportFrom) and node.module and not node.level:
-            found |= {f"{node.module}.{alias.name}" for alias in node.names}
-        elif isinstance(node, ast.Import):
-            found |= {alias.name for alias in node.names}
-    prefix = f"{PACKAGE}."
-    return {name.removeprefix(prefix) for name in found if name.startswith(prefix)}
 
 
 def name(path: Path) -> str:
     return str(path.relative_to(ROOT / PACKAGE))
 
 
-@pytest.mark.parametrize("folder", list(MAY_IMPORT))
-def test_dependencies_point_one_way(folder):
-    wrong = {
-        (name(path), module)
-        for path in (ROOT / PACKAGE / folder).rglob("*.py")
-        for module in imports(path)
-        if module.partition(".")[0] not in MAY_IMPORT[folder]
-    }
-    assert wrong == set()
+def module(path: Path) -> str:
+    return name(path).removesuffix(".py").removesuffix("/__init__").replace("/", ".")
 
 
-def test_core_knows_what_a_task_is_but_no_task():
+MODULES = {module(path): path for path in SOURCES if name(path) != "__init__.py"}
+
+
+def imported(path: Path) -> set[str]:
+    """Return every module and name that a file imports, from anywhere in it: in functions and for types, too."""
+    found: set[str] = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.ImportFrom) and node.module and not node.level:
+            found |= {f"{node.module}.{alias.name}" for alias in node.names}
+        elif isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+    return found
+
+
+def imports(path: Path) -> set[str]:
+    """Return the modules of the package that a file imports, without the package's name."""
+    prefix = f"{PACKAGE}."
+    own = {name.removeprefix(prefix) for name in imported(path) if name.startswith(prefix)}
+    return {n if n in MODULES else n.rpartition(".")[0] for n in own} - {module(path), ""}
+
+
+def room(where: str) -> str:
+    """Return the room of a module: its folder, as deep as `MAY_IMPORT` goes."""
+    parts = name(MODULES[where]).split("/")[:-1]
+    return next((r for n in (2, 1) if (r := "/".join(parts[:n])) in MAY_IMPORT), "/".join(parts))
+
+
+def is_within(where: str, allowed: set[str]) -> bool:
+    path = where.replace(".", "/")
+    return any(path == a or path.startswith(f"{a}/") for a in allowed)
+
+
+@pytest.mark.parametrize("own", list(MAY_IMPORT))
+def test_dependencies_point_one_way(own):
+    allowed = MAY_IMPORT[own] | {own}
+    if "core*" in allowed:
+        allowed |= {r for r in MAY_IMPORT if r.split("/")[0] == "core"}
     wrong = {
-        (name(path), module)
-        for path in (ROOT / PACKAGE / "core").rglob("*.py")
-        for module in imports(path)
-        if module.startswith("tasks.") and module.split(".")[1] not in ONLY_DATA_OF_TASKS
+        (m, other)
+        for m, path in MODULES.items()
+        if m not in ROOTS | FACE and room(m) == own
+        for other in imports(path) - ROOTS
+        if room(other) not in allowed
     }
     assert wrong == set()
 
 
 def test_every_folder_of_the_package_has_its_rule():
-    folders = {
-        parts[0] for path in SOURCES if (parts := path.relative_to(ROOT / PACKAGE).parts)[1:]
+    assert {room(m) for m in MODULES if "/" in name(MODULES[m])} == set(MAY_IMPORT)
+    assert {m for m in MODULES if "/" not in name(MODULES[m])} == ROOTS | FACE
+
+
+def test_the_files_at_the_top_import_no_room():
+    assert all(imports(MODULES[m]) <= ROOTS for m in ROOTS)
+
+
+def test_there_is_no_import_circle():
+    graph = {m: imports(path) for m, path in MODULES.items()}
+    try:
+        tuple(TopologicalSorter(graph).static_order())
+    except CycleError as error:
+        pytest.fail(" -> ".join(error.args[1]))
+
+
+def test_core_knows_what_a_task_is_but_no_task():
+    wrong = {
+        (m, other)
+        for m, path in MODULES.items()
+        if m.startswith("core.")
+        for other in imports(path)
+        if other.startswith("tasks.") and other.split(".")[1] not in ONLY_DATA_OF_TASKS
     }
-    assert folders == set(MAY_IMPORT)
+    assert wrong == set()
+
+
+def test_beside_the_rooms_of_core_are_the_files_that_tell_the_algorithm():
+    assert {path.stem for path in (ROOT / PACKAGE / "core").glob("*.py")} == IN_CORE
+
+
+def test_nodes_holds_the_nodes_and_nothing_else():
+    assert {path.stem for path in (ROOT / PACKAGE / "nodes").glob("*.py")} == {*NODES, "__init__"}
+
+
+@pytest.mark.parametrize(
+    ("packages", "allowed"),
+    [
+        (("rclpy", "pga_me_msgs", "std_msgs", "sensor_msgs"), ROS_ROOMS),
+        (("torch",), TORCH),
+        (("pybullet",), PYBULLET),
+    ],
+)
+def test_heavy_packages_are_imported_where_they_belong(packages, allowed):
+    wrong = {
+        m
+        for m, path in MODULES.items()
+        if any(i.split(".")[0] in packages for i in imported(path)) and not is_within(m, allowed)
+    }
+    assert wrong == set()
+
+
+def test_no_two_names_differ_by_case_only():
+    names: dict[str, set[str]] = {}
+    for path in SOURCES:
+        for node in ast.parse(path.read_text()).body:
+            if isinstance(node, ast.FunctionDef | ast.ClassDef):
+                names.setdefault(node.name.lower(), set()).add(node.name)
+    assert [sorted(same) for same in names.values() if len(same) > 1] == []
 
 
 def test_files_stay_short_enough_to_read():
@@ -90,16 +268,15 @@ def test_no_file_is_a_drawer_for_anything():
 
 
 def documented_names() -> list[str]:
-    """Return what the tables of docs/algorithm.md say that is where, as ``package.module:attribute``."""
+    """Return the code that the tables of docs/algorithm.md name, as ``package.module:attribute``."""
     document = (ROOT / "docs" / "algorithm.md").read_text()
     tables = document.partition("## From line to function")[2].partition("## Words")[0]
     found = []
     for row in re.findall(r"^\| \d.*\|$", tables, re.MULTILINE):
         for code in re.findall(r"`([^`]+)`", row.rsplit("|", 2)[1]):
-            where = code if "." in code else f"critic.CriticTrainer.{code}"
-            module, _, attribute = where.partition(".")
-            folder = "" if "/" in module else "core."
-            found.append(f"{PACKAGE}.{folder}{module.replace('/', '.')}:{attribute}")
+            *folders, last = code.split("/")
+            where, _, attribute = last.partition(".")
+            found.append(f"{PACKAGE}.{'.'.join([*folders, where])}:{attribute}")
     return found
 
 

@@ -14,8 +14,7 @@ from pga_me_msgs.msg import Metrics, Progress
 from sensor_msgs.msg import Image
 from std_msgs.msg import String
 
-from pga_me_ros.player.messages import WORLD
-from pga_me_ros.player.model import BASE_LINK
+from pga_me_ros.player.model import BASE_LINK, WORLD
 from pga_me_ros.ros import names
 
 LAYOUT = json.loads(

@@ -2,46 +2,72 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
+from pga_me_ros.arrays import Float32Array
+from pga_me_ros.core.networks.mlp import MlpShape
+from pga_me_ros.errors import RequestError
 
-from pga_me_ros.core.policy import MlpShape
+Network = tuple[MlpShape, Float32Array]
+"""Layers of a network, and its (P,) float32 parameters."""
+
+CRITIC = "critic"
+"""The first critic, Q_theta1; its input is the observation, then the action."""
+
+GREEDY = "greedy"
+"""The greedy controller, pi_phic; in MAP-Elites-ES, the controller that the last step led to."""
+
+CENTER = "center"
+"""MAP-Elites-ES: the controller that the samples surround."""
+
+DIVERSITY_CRITIC = "diversity_critic"
+"""QD-RL: the first critic of diversity; its input is that of `CRITIC`."""
 
 
 @dataclass(frozen=True)
 class Snapshot:
     """What was learned, for one generation's offspring; light, so that any node can hold it.
 
-    Where a system learns no critics, the fields that speak of them are empty, the values NaN.
+    Where an algorithm learns no critics, there are no states, and `critic_loss` and `mean_q` are NaN.
 
     Attributes:
         generation: Generation whose offspring it is for.
         version: Critic training steps done since the start of the run.
-        critic_shape: Layers of the first critic; its input is the observation, then the action. None without one.
-        critic: (P_critic,) float32 parameters of Q_theta1.
-        greedy_shape: Layers of the greedy controller.
-        greedy: (P,) float32 parameters of pi_phic.
+        networks: Networks by name; `Algorithm.snapshot_networks` says which there are.
         states: (sets, n_grad, N, observation_dim) float32 replay states; one set shared by all offspring, or one per
             place in the batch.
         transitions: Transitions in the replay buffer that it was trained on.
         critic_loss: Mean over the steps of both critics' mean squared errors.
         mean_q: Mean over the steps of the values that the first critic gave their batches.
-        center: (P,) float32 controller that the samples of an evolution strategy surround; None where there is none.
-        diversity_critic: (P_critic,) float32 parameters of the first diversity critic, with the layers of `critic`;
-            None unless the system is `qd_rl`.
     """
 
     generation: int
     version: int
-    critic_shape: MlpShape | None
-    critic: NDArray[np.float32]
-    greedy_shape: MlpShape
-    greedy: NDArray[np.float32]
-    states: NDArray[np.float32]
+    networks: Mapping[str, Network]
+    states: Float32Array
     transitions: int
     critic_loss: float
     mean_q: float
-    center: NDArray[np.float32] | None = None
-    diversity_critic: NDArray[np.float32] | None = None
+
+    def network(self, name: str) -> Network:
+        """Return the layers and the (P,) float32 parameters of a network.
+
+        Raises:
+            RequestError: There is no network of that name.
+        """
+        try:
+            return self.networks[name]
+        except KeyError:
+            raise RequestError(
+                f"The snapshot of generation {self.generation} has no network '{name}', only {sorted(self.networks)}; "
+                "give one that was learned by the algorithm of this run."
+            ) from None
+
+    def parameters(self, name: str) -> Float32Array:
+        """Return the (P,) float32 parameters of a network.
+
+        Raises:
+            RequestError: There is no network of that name.
+        """
+        return self.network(name)[1]

@@ -7,16 +7,17 @@ import os
 from collections.abc import Sequence
 from pathlib import Path
 
-from pga_me_ros.core.errors import RequestError
-from pga_me_ros.core.file_lock import FileLock, LockedError
-from pga_me_ros.core.folders import make_folder
-from pga_me_ros.core.program import run_program
-from pga_me_ros.core.storage_file import explained
-from pga_me_ros.core.terminal import Terminal
+from pga_me_ros.core.storage.database import explained
+from pga_me_ros.core.storage.file_lock import FileLock, LockedError
+from pga_me_ros.core.storage.files import make_folder, replace_file
+from pga_me_ros.errors import RequestError
 from pga_me_ros.experiment.experiment_file import read_experiment
-from pga_me_ros.experiment.matrix import Matrix, Signals
+from pga_me_ros.experiment.matrix import Matrix
 from pga_me_ros.experiment.plan import COPY, Cell
 from pga_me_ros.experiment.stored_cell import evaluations_so_far, require_own_run
+from pga_me_ros.process.program import run_program
+from pga_me_ros.process.signals import Signals
+from pga_me_ros.process.terminal import Terminal
 
 LOCK = "experiment.lock"
 
@@ -34,41 +35,41 @@ def main(args: Sequence[str] | None = None) -> int:
         Exit status: 0 when every run is finished, 1 when some failed, 2 for what cannot be started, 128 + the signal's
         number when one ended it.
     """
-    asked = _parser().parse_args(args)
+    options = _parser().parse_args(args)
     code = 0
 
     def work() -> None:
         nonlocal code
-        code = _listed(asked) if asked.list else _carried_out(asked)
+        code = _listed(options) if options.list else _carried_out(options)
 
     return run_program(work) or code
 
 
-def _listed(asked: argparse.Namespace) -> int:
+def _listed(options: argparse.Namespace) -> int:
     """Print the matrix, one cell a line, and how far each of them is."""
-    for cell in read_experiment(asked.file).chosen(asked.cell):
-        done = evaluations_so_far(cell.folder(_folder(asked)))
+    for cell in read_experiment(options.file).chosen(options.cell):
+        done = evaluations_so_far(cell.folder(_folder(options)))
         settings = cell.settings
         wanted = settings.generations * settings.batch_size
         print(f"{cell.index:4d}  {cell.name}  {done:,} of {wanted:,} evaluations")
     return 0
 
 
-def _carried_out(asked: argparse.Namespace) -> int:
+def _carried_out(options: argparse.Namespace) -> int:
     """Run the cells that are asked for; returns the exit status."""
-    experiment, folder = read_experiment(asked.file), _folder(asked)
-    cells = experiment.chosen(asked.cell)
+    experiment, folder = read_experiment(options.file), _folder(options)
+    cells = experiment.chosen(options.cell)
     cores = len(os.sched_getaffinity(0))
-    jobs = cores if asked.jobs is None else asked.jobs
+    jobs = cores if options.jobs is None else options.jobs
     if jobs < 1:
         raise RequestError(f"--jobs is {jobs}; give 1 or more.")
     for cell in cells:
         require_own_run(cell, cell.folder(folder))
     make_folder(folder)
     # Single cells may go on side by side, each with a lock of its own: array jobs, or several hosts with one disk.
-    lock = None if asked.cell else _locked(folder)
+    lock = None if options.cell else _locked(folder)
     try:
-        _keep_copy(asked.file, folder)
+        _keep_copy(options.file, folder)
         return _run(cells, folder, jobs, cores)
     finally:
         if lock:
@@ -82,19 +83,19 @@ def _run(cells: Sequence[Cell], folder: Path, jobs: int, cores: int) -> int:
     matrix.run(signals)
     of = f"{matrix.finished} of {len(cells)} runs"
     for failure in matrix.failures:
-        print(f"failed: {failure}")
+        terminal.say(f"failed: {failure}")
     if signals.received:
-        print(f"stopped: {of} in {folder} are finished; the same command goes on from here")
-        return 128 + signals.received
+        terminal.say(f"stopped: {of} in {folder} are finished; the same command goes on from here")
+        return signals.exit_code
     if matrix.failures:
-        print(f"{of} in {folder} are finished; the same command tries the others again")
+        terminal.say(f"{of} in {folder} are finished; the same command tries the others again")
         return EXIT_FAILURES
-    print(f"finished: {of} in {folder}")
+    terminal.say(f"finished: {of} in {folder}")
     return 0
 
 
-def _folder(asked: argparse.Namespace) -> Path:
-    return asked.folder or Path("experiments") / asked.file.stem
+def _folder(options: argparse.Namespace) -> Path:
+    return options.folder or Path("experiments") / options.file.stem
 
 
 def _locked(folder: Path) -> FileLock:
@@ -118,11 +119,7 @@ def _keep_copy(file: Path, folder: Path) -> None:
     copy, content = folder / COPY, file.read_bytes()
     with explained(copy):
         if not copy.exists() or copy.read_bytes() != content:
-            new = copy.with_name(
-                f"{COPY}.{os.getpid()}"
-            )  # cells that start side by side all do this
-            new.write_bytes(content)
-            os.replace(new, copy)
+            replace_file(copy, content, shared=True)  # cells that start side by side all do this
 
 
 def _parser() -> argparse.ArgumentParser:

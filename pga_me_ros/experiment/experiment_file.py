@@ -8,7 +8,8 @@ from typing import Any
 
 import yaml
 
-from pga_me_ros.core.errors import PgaError, SettingsError, nearest_name
+from pga_me_ros.core.settings.rules import RULES
+from pga_me_ros.errors import PgaError, SettingsError, nearest_name
 from pga_me_ros.experiment.plan import Experiment, System
 
 KEYS = ("systems", "tasks", "seeds", "budget", "settings", "reference")
@@ -102,7 +103,10 @@ def _experiment(content: Any) -> Experiment:
 
 
 def _systems(given: Any) -> tuple[System, ...]:
-    """Return the systems: names of algorithms, or names with the settings that make the difference."""
+    """Return the systems: names of algorithms, or names with the settings that make the difference.
+
+    A system that is called like an algorithm is that algorithm.
+    """
     if isinstance(given, Mapping):
         pairs = list(given.items())
     else:
@@ -112,9 +116,16 @@ def _systems(given: Any) -> tuple[System, ...]:
         raise SettingsError(
             "systems names none; name what is to be compared, for example [pga_map_elites]."
         )
-    return tuple(
-        System(name, _settings(values or {}, f"system '{name}'")) for name, values in pairs
-    )
+    return tuple(_system(name, values) for name, values in pairs)
+
+
+def _system(name: str, values: Any) -> System:
+    settings = _settings(values or {}, f"system '{name}'")
+    if name in RULES and settings.setdefault("algorithm", name) != name:
+        raise SettingsError(
+            f"system '{name}' has the algorithm '{settings['algorithm']}'; give it a name that is no other algorithm's."
+        )
+    return System(name, settings)
 
 
 def _settings(given: Any, where: str) -> dict[str, Any]:

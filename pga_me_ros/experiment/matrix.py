@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import math
-import signal
-import threading
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from types import FrameType
 
-from pga_me_ros.core.errors import PgaError
-from pga_me_ros.core.terminal import Terminal
+from pga_me_ros.errors import PgaError
 from pga_me_ros.experiment.cell_run import CellRun
 from pga_me_ros.experiment.estimate import Estimate
 from pga_me_ros.experiment.plan import Cell
+from pga_me_ros.process.signals import Signals
+from pga_me_ros.process.terminal import Terminal
 
 POLL = 0.2
 """Seconds between two looks at the processes."""
@@ -28,32 +26,6 @@ PARTICIPANTS = 30
 
 SINGLE_NODES = 4
 """Processes of a run beside its evaluators."""
-
-
-class Signals:
-    """Ctrl-C and SIGTERM: the first asks all runs to stop, the second ends everything at once.
-
-    Attributes:
-        received: Number of the first signal, 0 for none.
-        impatient: Whether there was a second one.
-    """
-
-    def __init__(self) -> None:
-        self.received: int = 0
-        self.impatient = False
-        self._event = threading.Event()
-        signal.signal(signal.SIGINT, self._handle)
-        signal.signal(signal.SIGTERM, self._handle)
-
-    def _handle(self, number: int, _: FrameType | None) -> None:
-        self.impatient = bool(self.received)
-        self.received = self.received or number
-        self._event.set()
-
-    def wait(self, seconds: float) -> None:
-        """Wait, for less when a signal comes."""
-        self._event.wait(seconds)
-        self._event.clear()
 
 
 @dataclass(frozen=True)

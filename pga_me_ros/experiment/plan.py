@@ -9,8 +9,9 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
 
-from pga_me_ros.core.errors import RequestError, SettingsError, nearest_name
 from pga_me_ros.core.settings import Settings
+from pga_me_ros.core.settings.rules import RULES, of_other_archives
+from pga_me_ros.errors import RequestError, SettingsError, nearest_name
 from pga_me_ros.tasks.registry import task_spec
 
 COPY = "experiment.yaml"
@@ -117,7 +118,18 @@ class Experiment:
 
     def _given(self, system: System, task: str, seed: int) -> dict[str, Any]:
         own = {"task": task, "seed": seed, "evaluations": self.budget}
-        return {**self.settings, **system.settings, **own}
+        return {**self._shared(system), **system.settings, **own}
+
+    def _shared(self, system: System) -> dict[str, Any]:
+        """Return the shared settings that a system uses: networks of critics, say, mean nothing to MAP-Elites."""
+        both = {**self.settings, **system.settings}
+        rules = RULES.get(both.get("algorithm", Settings.algorithm))
+        unused = of_other_archives(both.get("archive", Settings.archive))
+        return {
+            name: value
+            for name, value in self.settings.items()
+            if (rules is None or rules.uses(name)) and name not in unused
+        }
 
     def chosen(self, words: list[str]) -> list[Cell]:
         """Return the cells that words name, in the order of the matrix.
@@ -167,6 +179,12 @@ class Experiment:
         self._check_settings()
 
     def _check_settings(self) -> None:
+        used = {name for system in self.systems for name in self._shared(system)}
+        for name in self.settings:
+            if name not in used:
+                raise SettingsError(
+                    f"settings has {name}, but none of the systems uses it; remove {name}."
+                )
         same: dict[Settings, str] = {}
         for cell in self.cells:
             try:

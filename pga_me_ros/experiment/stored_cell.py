@@ -9,13 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from pga_me_ros.core.errors import StorageError
-from pga_me_ros.core.fitness_difference import REPEATS
-from pga_me_ros.core.metrics_file import METRICS_FILE
-from pga_me_ros.core.reevaluations import Reevaluations
-from pga_me_ros.core.run_directory import REPERTOIRE
-from pga_me_ros.core.settings import RATES
-from pga_me_ros.core.storage import Repertoire
+from pga_me_ros.core.settings import Settings
+from pga_me_ros.core.storage.metrics_file import METRICS_FILE
+from pga_me_ros.core.storage.reevaluations import REPEATS
+from pga_me_ros.core.storage.stored_run import REPERTOIRE, StoredRun
+from pga_me_ros.errors import StorageError
 from pga_me_ros.experiment.plan import Cell
 from pga_me_ros.tasks.registry import task_spec
 
@@ -24,7 +22,7 @@ LAST_ROW = 4096
 
 
 @dataclass(frozen=True)
-class Stored:
+class StoredCell:
     """What there is of a run.
 
     Attributes:
@@ -43,7 +41,7 @@ class Stored:
         return self.grown and self.reevaluated
 
 
-def stored(cell: Cell, folder: Path) -> Stored:
+def read_cell(cell: Cell, folder: Path) -> StoredCell:
     """Look at the stored run of a cell.
 
     Args:
@@ -55,30 +53,27 @@ def stored(cell: Cell, folder: Path) -> Stored:
     """
     file = folder / REPERTOIRE
     if not file.exists():
-        return Stored(0, False, False)
-    with Repertoire.open(file, read_only=True) as repertoire:
-        generations, bests = repertoire.last_generation + 1, repertoire.bests()
-        archive = repertoire.load_archive()
-        rows = Reevaluations.load(file, repertoire.info.run_id, archive.dimensions)
-    settings = cell.settings
+        return StoredCell(0, False, False)
+    run = StoredRun.load(file, elites=False)
+    generations, settings = len(run.generations), cell.settings
+    run.archive  # noqa: B018 - read so that damage is found now
     grown = generations >= settings.generations
-    ids = np.array([best.evaluation for best in bests], np.int64)
+    ids = np.array([best.evaluation for best in run.bests()], np.int64)
     # Of a run whose best controllers are not known there is nothing to evaluate again.
-    reevaluated = grown and not rows.missing(ids, REPEATS)
-    return Stored(generations * settings.batch_size, grown, reevaluated)
+    reevaluated = grown and not run.reevaluations.missing(ids, REPEATS)
+    return StoredCell(generations * settings.batch_size, grown, reevaluated)
 
 
 def require_own_run(cell: Cell, folder: Path) -> None:
     """Make sure that a folder holds the run of a cell, or none; a damaged one is told when its turn comes.
 
     Raises:
-        StorageError: It holds a run of other settings.
+        StorageError: The folder holds a run of other settings.
     """
     if not (folder / REPERTOIRE).exists():
         return
     try:
-        with Repertoire.open(folder / REPERTOIRE, read_only=True) as repertoire:
-            info = repertoire.info
+        info = StoredRun.load(folder, elites=False).info
     except StorageError:
         return
     try:
@@ -90,12 +85,8 @@ def require_own_run(cell: Cell, folder: Path) -> None:
 
 def _require_same_rates(cell: Cell, folder: Path, started_with: Mapping[str, Any]) -> None:
     """A run may change its rates on the way, but a comparison means those of its file."""
-    now = cell.settings.to_dict()
-    changed = [
-        f"{name}: {started_with[name]} != {now[name]}"
-        for name in RATES
-        if started_with.get(name) != now[name]
-    ]
+    own, now = Settings.from_stored(started_with).rates, cell.settings.rates
+    changed = [f"{name}: {own[name]} != {now[name]}" for name in own if own[name] != now[name]]
     if changed:
         raise StorageError(
             f"Cell {cell.name} in '{folder}' was begun with other rates (its own != yours): {'; '.join(changed)}. "

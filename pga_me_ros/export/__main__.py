@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from pga_me_ros.core.elites import Elite
-from pga_me_ros.core.errors import StorageError
-from pga_me_ros.core.program import run_program
-from pga_me_ros.core.repertoire_arrays import save_bytes
+from pga_me_ros.core.archive.elites import Elite
+from pga_me_ros.core.storage.files import save_bytes
+from pga_me_ros.errors import StorageError
 from pga_me_ros.export.arrays import write_npz, write_pyribs
 from pga_me_ros.export.source import Source
 from pga_me_ros.export.table import write_csv
+from pga_me_ros.process.program import run_program
 
 TABLES = {"npz": (write_npz, ".npz"), "csv": (write_csv, ".csv"), "pyribs": (write_pyribs, ".npz")}
 """Formats that hold any number of elites in one file: who writes it, and its ending."""
@@ -30,11 +31,11 @@ def main(args: Sequence[str] | None = None) -> int:
     Returns:
         Exit status, as `run_program`.
     """
-    asked = _parser().parse_args(args)
-    return run_program(lambda: print(export(asked)))
+    options = _parser().parse_args(args)
+    return run_program(lambda: print(export(options)))
 
 
-def export(asked: argparse.Namespace) -> Path:
+def export(options: argparse.Namespace) -> Path:
     """Carry out a parsed command line.
 
     Returns:
@@ -43,22 +44,26 @@ def export(asked: argparse.Namespace) -> Path:
     Raises:
         PgaError: The run cannot be read, has no such elite, or the export cannot be written.
     """
-    make = _model_maker(asked.to) if asked.to in MODELS else None
-    source = Source.load(asked.run, cell=asked.cell, best=asked.best, evaluation=asked.evaluation)
-    out = asked.out or Path(_default_name(source, asked.to))
+    make = _model_maker(options.to) if options.to in MODELS else None
+    source = Source.load(
+        options.run, cell=options.cell, best=options.best, evaluation=options.evaluation
+    )
+    if source.run.archive.note:
+        print(f"note: {source.run.archive.note}", file=sys.stderr)
+    out = options.out or Path(_default_name(source, options.to))
     if make is None or source.one:
         if out.is_dir():
             raise StorageError(f"'{out}' is a folder; give --out the name of a file.")
         _make_folder(out.parent)
         if make is None:
-            TABLES[asked.to][0](source, out)
+            TABLES[options.to][0](source, out)
         else:
             save_bytes(out, make(source, next(source.elites())))
         return out
     _make_folder(out)
-    width = len(str(source.archive.cells - 1))
+    width = len(str(source.run.archive.cells - 1))
     for elite in source.elites():
-        save_bytes(out / f"cell-{elite.cell:0{width}d}{MODELS[asked.to]}", make(source, elite))
+        save_bytes(out / f"cell-{elite.cell:0{width}d}{MODELS[options.to]}", make(source, elite))
     return out
 
 
@@ -78,8 +83,8 @@ def _default_name(source: Source, kind: str) -> str:
     which = f"-cell{source.cells[0]}" if source.one else ""
     mark = "-pyribs" if kind == "pyribs" else ""
     if kind in TABLES:
-        return f"{source.name}{which}{mark}{TABLES[kind][1]}"
-    return f"{source.name}{which}{MODELS[kind]}" if source.one else f"{source.name}-{kind}"
+        return f"{source.run.name}{which}{mark}{TABLES[kind][1]}"
+    return f"{source.run.name}{which}{MODELS[kind]}" if source.one else f"{source.run.name}-{kind}"
 
 
 def _make_folder(path: Path) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pga_me_ros.core.repertoire_arrays import repertoire_arrays, save_arrays
+from pga_me_ros.core.storage.npz import save_arrays
 from pga_me_ros.export.source import Source
 
 
@@ -16,26 +16,34 @@ def write_npz(source: Source, path: Path) -> None:
     Raises:
         StorageError: The file cannot be written.
     """
-    arrays = repertoire_arrays(source.info, source.archive, source.cells)
-    if source.statistics.repeats.any():
-        rows = np.array(source.cells)
-        arrays |= {name: values[rows] for name, values in vars(source.statistics).items()}
-    save_arrays(path, arrays)
+    save_arrays(path, source.run.arrays(source.cells))
 
 
 def write_pyribs(source: Source, path: Path) -> None:
     """Write what ``ribs.archives.CVTArchive`` or ``GridArchive`` and their ``add`` take, under their names for it.
 
+    Of a CVT archive, measures, centroids and ranges are in the coordinates in which its cells are told apart: shares of
+    the descriptor's range.
+
     Raises:
         StorageError: The file cannot be written.
     """
-    archive, rows = source.archive, np.array(source.cells)
-    cells = {"dims": np.array(archive.bins)} if archive.bins else {"centroids": archive.centroids}
+    archive, rows = source.run.archive, np.array(source.cells)
+    bounds = np.stack([archive.low, archive.high])
+    if archive.bins:
+        cells = {"dims": np.array(archive.bins)}
+        measures = archive.descriptors[rows]
+    else:  # pyribs assigns cells by plain distances
+        cells = {"centroids": archive.coordinates(archive.centroids)}
+        measures, bounds = (
+            archive.coordinates(archive.descriptors[rows]),
+            archive.coordinates(bounds),
+        )
     arrays = {
         "solution": archive.parameters[rows],
         "objective": archive.fitness[rows],
-        "measures": archive.descriptors[rows],
-        "ranges": np.stack([archive.low, archive.high], axis=1),
-        "measure_names": np.array(source.spec.descriptor_names),
+        "measures": measures,
+        "ranges": bounds.T.copy(),
+        "measure_names": np.array(source.run.spec.descriptor_names),
     }
     save_arrays(path, cells | arrays)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from types import ModuleType
 from typing import Any
 
-from pga_me_ros.core.elites import Elite
-from pga_me_ros.core.errors import PgaError
+from pga_me_ros.core.archive.elites import Elite
+from pga_me_ros.errors import PgaError
 from pga_me_ros.export.source import Source
 
 OPSET = 13
@@ -19,7 +19,7 @@ def require_onnx() -> ModuleType:
     """Return the onnx package.
 
     Raises:
-        PgaError: It is not installed.
+        PgaError: onnx is not installed.
     """
     try:
         import onnx
@@ -45,7 +45,7 @@ def onnx_bytes(source: Source, elite: Elite) -> bytes:
     onnx = require_onnx()
     helper = onnx.helper
     nodes, weights = _layers(onnx, source, elite)
-    sizes = source.shape.sizes
+    sizes = source.run.shape.sizes
     kind = onnx.TensorProto.FLOAT
     graph = helper.make_graph(
         nodes,
@@ -67,10 +67,10 @@ def onnx_bytes(source: Source, elite: Elite) -> bytes:
 
 
 def _layers(onnx: ModuleType, source: Source, elite: Elite) -> tuple[list[Any], list[Any]]:
-    """Return the nodes and the initialisers of a controller's layers."""
+    """Return the nodes and the initializers of a controller's layers."""
     nodes, weights = [], []
     signal = "observation"
-    layers = source.shape.layers(elite.parameters)
+    layers = source.run.shape.layers(elite.parameters)
     for i, (weight, bias) in enumerate(layers):
         last = i == len(layers) - 1
         out = "action" if last else f"hidden{i}"

@@ -7,18 +7,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
-from pga_me_ros.core.archive import Archive
-from pga_me_ros.core.elites import Elite
-from pga_me_ros.core.errors import RequestError
-from pga_me_ros.core.policy import MlpShape
-from pga_me_ros.core.reevaluations import Reevaluations, Statistics
-from pga_me_ros.core.repertoire_arrays import LAYOUT
-from pga_me_ros.core.run_directory import REPERTOIRE
-from pga_me_ros.core.run_info import RunInfo
-from pga_me_ros.core.storage import Repertoire
-from pga_me_ros.tasks.spec import TaskSpec
+from pga_me_ros.core.archive.elites import Elite
+from pga_me_ros.core.storage.npz import LAYOUT
+from pga_me_ros.core.storage.stored_run import StoredRun
 
 
 @dataclass(frozen=True)
@@ -26,22 +17,12 @@ class Source:
     """Elites of a stored run.
 
     Attributes:
-        name: Name of the run's folder.
-        info: Description of the run.
-        spec: Its task.
-        shape: Layers of its controllers.
-        archive: Its archive.
-        statistics: Mean and spread of re-evaluations.
+        run: The run.
         cells: Cells whose elites are to be exported, ascending.
         one: Whether a single one was asked for.
     """
 
-    name: str
-    info: RunInfo
-    spec: TaskSpec
-    shape: MlpShape
-    archive: Archive
-    statistics: Statistics
+    run: StoredRun
     cells: tuple[int, ...]
     one: bool
 
@@ -63,35 +44,27 @@ class Source:
             evaluation: Evaluation id of the elite that is wanted. Without any of the three, all are.
 
         Raises:
-            StorageError: There is none, or it is damaged.
-            RequestError: It has no such elite.
-            ArchiveError: There is no such cell, or it is empty.
+            StorageError: There is no run, it is damaged, or it holds no behavior yet.
+            ArchiveError: There is no such cell.
+            NotFoundError: The cell is empty, or the controller of the evaluation is no elite.
         """
-        file = path / REPERTOIRE if path.is_dir() else path
-        with Repertoire.open(file, read_only=True) as repertoire:
-            info, archive = repertoire.info, repertoire.load_archive()
-        if not len(archive):
-            raise RequestError(f"'{file}' holds no controller yet; run it for longer first.")
-        again = Reevaluations.load(file, info.run_id, archive.dimensions)
-        one = _one(archive, cell, best, evaluation)
-        return cls(
-            name=file.absolute().parent.name,
-            info=info,
-            spec=TaskSpec.from_json(info.task),
-            shape=MlpShape(info.layer_sizes),
-            archive=archive,
-            statistics=again.statistics(archive),
-            cells=tuple(archive.filled_cells().tolist()) if one is None else (one,),
-            one=one is not None,
-        )
+        run = StoredRun.load(path)
+        choices = run.choices()
+        if best:
+            return cls(run, (choices.fittest(),), one=True)
+        if cell is not None:
+            return cls(run, (choices.of_cell(cell),), one=True)
+        if evaluation is not None:
+            return cls(run, (choices.of_evaluation(evaluation),), one=True)
+        return cls(run, tuple(choices.cells().tolist()), one=False)
 
     def elites(self) -> Iterator[Elite]:
         """Yield the elites that were asked for, in the order of their cells."""
-        return (self.archive.elite(cell) for cell in self.cells)
+        return (self.run.archive.elite(cell) for cell in self.cells)
 
     def about(self, elite: Elite) -> dict[str, str]:
         """Return what a controller's user must know, as text by name; lists and numbers are JSON."""
-        spec = self.spec
+        spec = self.run.spec
         known = {
             "cell": elite.cell,
             "evaluation": elite.evaluation,
@@ -105,23 +78,7 @@ class Source:
             "action_low": spec.action_low,
             "action_high": spec.action_high,
             "control_period": spec.control_period,
-            "layer_sizes": self.shape.sizes,
+            "layer_sizes": self.run.shape.sizes,
         }
         text = {name: json.dumps(value) for name, value in known.items()}
-        return {"task": spec.name, "run_id": self.info.run_id, "layout": LAYOUT} | text
-
-
-def _one(archive: Archive, cell: int | None, best: bool, evaluation: int | None) -> int | None:
-    """Return the cell of the single elite that was asked for, None for all."""
-    if best:
-        return archive.best().cell
-    if cell is not None:
-        return archive.elite(cell).cell
-    if evaluation is None:
-        return None
-    found = np.flatnonzero(archive.filled & (archive.evaluations == evaluation))
-    if not len(found):
-        raise RequestError(
-            f"The controller of evaluation {evaluation} is no elite, so it was not kept; --to csv lists those that are."
-        )
-    return int(found[0])
+        return {"task": spec.name, "run_id": self.run.info.run_id, "layout": LAYOUT} | text

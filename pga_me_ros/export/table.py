@@ -7,8 +7,8 @@ import io
 from collections.abc import Iterator
 from pathlib import Path
 
-from pga_me_ros.core.elites import Elite
-from pga_me_ros.core.repertoire_arrays import save_bytes
+from pga_me_ros.core.archive.elites import Elite
+from pga_me_ros.core.storage.files import save_bytes
 from pga_me_ros.export.source import Source
 
 PLAIN = ("cell", "evaluation", "generation", "made_by", "parent1", "parent2", "steps", "terminated")
@@ -22,9 +22,9 @@ def write_csv(source: Source, path: Path) -> None:
     """
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    names = source.spec.descriptor_names
+    names = source.run.spec.descriptor_names
     header = [*PLAIN, "fitness", *names]
-    again = bool(source.statistics.repeats.any())
+    again = bool(source.run.statistics.repeats.any())
     if again:
         header += ["repeats", "mean_fitness", "fitness_spread"]
         header += [f"{kind}:{name}" for kind in ("mean", "spread") for name in names]
@@ -42,7 +42,7 @@ def _row(elite: Elite) -> Iterator[object]:
 
 
 def _means(source: Source, cell: int) -> Iterator[object]:
-    known = source.statistics
+    known = source.run.statistics
     yield int(known.repeats[cell])
     numbers = [known.mean_fitness[cell], known.fitness_spread[cell]]
     numbers += [*known.mean_descriptor[cell], *known.descriptor_spread[cell]]

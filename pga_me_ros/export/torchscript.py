@@ -9,7 +9,7 @@ import warnings
 import torch
 from torch import nn
 
-from pga_me_ros.core.elites import Elite
+from pga_me_ros.core.archive.elites import Elite
 from pga_me_ros.export.source import Source
 
 ABOUT = "about.json"
@@ -22,7 +22,7 @@ def torchscript_bytes(source: Source, elite: Elite) -> bytes:
     It maps (batch, observation_dim) or (observation_dim,) float32 to actions.
     """
     layers: list[nn.Module] = []
-    for weight, bias in source.shape.layers(elite.parameters):
+    for weight, bias in source.run.shape.layers(elite.parameters):
         layer = nn.Linear(weight.shape[1], weight.shape[0])
         layer.weight = nn.Parameter(torch.from_numpy(weight.copy()), requires_grad=False)
         layer.bias = nn.Parameter(torch.from_numpy(bias.copy()), requires_grad=False)

@@ -6,24 +6,21 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from pga_me_msgs.msg import Elites
 from pga_me_msgs.msg import Metrics as MetricsMsg
 from pga_me_msgs.srv import AddToArchive, SampleParents
 
-from pga_me_ros.core.elites import NO_PARENT, Operator, Solutions, Status
-from pga_me_ros.core.errors import RequestError, SettingsError, StorageError
-from pga_me_ros.core.metrics import Metrics, generation_metrics
-from pga_me_ros.core.metrics_file import METRICS_FILE, MetricsFile
-from pga_me_ros.core.schedule import evaluation_ids
-from pga_me_ros.core.setting_field import setting
-from pga_me_ros.core.settings import RATES, Settings
-from pga_me_ros.core.storage import Repertoire
-from pga_me_ros.core.systems import system_of
-from pga_me_ros.nodes.elites_topic import elites_to_msg
-from pga_me_ros.nodes.heatmap_topic import ArchivePictures
-from pga_me_ros.nodes.options import RunOptions
-from pga_me_ros.nodes.repertoire_services import RepertoireServices
+from pga_me_ros.arrays import Int64Array
+from pga_me_ros.core.algorithms import algorithm_of
+from pga_me_ros.core.archive.elites import NO_PARENT, Solutions, Status
+from pga_me_ros.core.archive.metrics import Metrics, generation_metrics
+from pga_me_ros.core.evaluation import evaluation_ids
+from pga_me_ros.core.operators import Operator
+from pga_me_ros.core.settings import Settings
+from pga_me_ros.core.settings.field import setting
+from pga_me_ros.core.storage.metrics_file import METRICS_FILE, MetricsFile
+from pga_me_ros.core.storage.repertoire import Repertoire
+from pga_me_ros.errors import RequestError, SettingsError, StorageError
 from pga_me_ros.ros import names, qos
 from pga_me_ros.ros.command_line import Program
 from pga_me_ros.ros.convert import (
@@ -34,10 +31,14 @@ from pga_me_ros.ros.convert import (
     shaped,
     with_rates,
 )
+from pga_me_ros.ros.elites_topic import elites_to_msg
 from pga_me_ros.ros.graph_node import GraphNode
 from pga_me_ros.ros.namesakes import leave_to_elders
+from pga_me_ros.ros.options import RunOptions
 from pga_me_ros.ros.parameters import declare
 from pga_me_ros.ros.process import run_node
+from pga_me_ros.serving.archive_pictures import ArchivePictures
+from pga_me_ros.serving.repertoire_services import RepertoireServices
 
 STATUS = {status: getattr(AddToArchive.Request, status.name) for status in Status}
 """What became of a solution, as the message numbers it."""
@@ -51,7 +52,7 @@ class ArchiveManagerSettings:
     """Parameters of the archive manager: all else is in the repertoire file."""
 
     repertoire: str = setting(
-        "", "Repertoire file, for example runs/qd_walker-seed0/repertoire.db."
+        "", "Repertoire file, for example runs/qd_walker-seed0/repertoire.db.", path=True
     )
     grow: bool = setting(
         False, "Whether a run adds to the file; otherwise it is only read, never changed."
@@ -71,8 +72,10 @@ class ArchiveManager(GraphNode):
         path, self._grow = Path(values["repertoire"]), values["grow"]
         self._file = Repertoire.open(path, read_only=not self._grow)
         self._info = self._file.info
-        self._settings = Settings.from_mapping(self._info.settings)
+        self._settings = Settings.from_stored(self._info.settings)
         self._archive = self._file.load_archive()
+        if self._archive.note:
+            self.get_logger().info(self._archive.note)
         generations = self._file.generations()
         self._metrics = generations[-1].metrics if generations else None
         self._table = MetricsFile(path.with_name(METRICS_FILE))
@@ -107,14 +110,12 @@ class ArchiveManager(GraphNode):
 
     def _commit(self, batch: Solutions, request: AddToArchive.Request) -> list[int]:
         rates = with_rates(self._settings, request.rates)
-        offered = system_of(self._settings).offered(batch.operators)
+        offered = algorithm_of(self._settings).offered(batch.operators)
         added = self._archive.add(batch, offered)
         metrics = generation_metrics(self._archive, batch, added, request.generation, self._metrics)
         elites = [self._archive.elite(cell) for cell in added.changed_cells.tolist()]
         try:
-            self._file.commit(
-                request.generation, elites, metrics, {name: getattr(rates, name) for name in RATES}
-            )
+            self._file.commit(request.generation, elites, metrics, rates.rates)
         except StorageError:
             self._return_to_file()
             raise
@@ -179,7 +180,7 @@ class ArchiveManager(GraphNode):
             )
         if request.parents_each not in (1, 2):
             raise RequestError(f"parents_each is {request.parents_each}; expected 1 or 2.")
-        cells = system_of(self._settings).choose_parents(
+        cells = algorithm_of(self._settings).choose_parents(
             self._archive,
             self._settings,
             request.generation,
@@ -191,7 +192,7 @@ class ArchiveManager(GraphNode):
         if request.publish:
             self._publish_elites(np.unique(cells))
 
-    def _publish_elites(self, cells: NDArray[np.int64]) -> None:
+    def _publish_elites(self, cells: Int64Array) -> None:
         """Tell the elites of some cells to whoever makes offspring of them."""
         self._elites_topic.publish(
             elites_to_msg(self._archive, self._info.run_id, self._last_generation, cells)

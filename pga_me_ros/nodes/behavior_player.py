@@ -1,4 +1,4 @@
-"""Behaviour player: runs a gait in simulation at the pace of real time, for RViz, Foxglove and other nodes to see."""
+"""Behavior player: runs a gait in simulation at the pace of real time, for RViz, Foxglove and other nodes to see."""
 
 from __future__ import annotations
 
@@ -17,25 +17,24 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from tf2_msgs.msg import TFMessage
 
-from pga_me_ros.core.errors import TaskError
-from pga_me_ros.core.exploration import as_evaluated
-from pga_me_ros.core.schedule import evaluation_rng
+from pga_me_ros.core.evaluation import as_evaluated, evaluation_rng
 from pga_me_ros.core.settings import Settings
-from pga_me_ros.nodes.options import RunOptions
+from pga_me_ros.errors import TaskError
 from pga_me_ros.player.body_reader import BodyReader
 from pga_me_ros.player.display import require_display
 from pga_me_ros.player.messages import RobotMessages, stamp_of
 from pga_me_ros.player.model import RobotModel, RobotState
 from pga_me_ros.player.pace import Pace
 from pga_me_ros.player.promise import is_kept, kept
-from pga_me_ros.player.recording import watched_rollout
 from pga_me_ros.player.settings import PlayerSettings, wanted
 from pga_me_ros.player.source import Served, Source, Stored
 from pga_me_ros.player.urdf import urdf
+from pga_me_ros.player.watched_rollout import watched_rollout
 from pga_me_ros.player.window import Window
 from pga_me_ros.ros import names, qos
 from pga_me_ros.ros.command_line import Program
 from pga_me_ros.ros.graph_node import GraphNode
+from pga_me_ros.ros.options import RunOptions
 from pga_me_ros.ros.parameters import declare, on_change
 from pga_me_ros.ros.process import run_node
 from pga_me_ros.tasks.protocol import Task
@@ -203,7 +202,7 @@ PROGRAM = Program(
 
 
 def main() -> int:
-    """Run the behaviour player."""
+    """Run the behavior player."""
     return run_node(PROGRAM, BehaviorPlayer)
 
 

@@ -8,23 +8,23 @@ from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from pga_me_msgs.msg import CriticSnapshot, Transitions
 from pga_me_msgs.srv import StoreExperience, Train
 
-from pga_me_ros.core.durable_learner import DurableLearner
-from pga_me_ros.core.errors import PgaError, RequestError
-from pga_me_ros.core.policy import controller_shape
-from pga_me_ros.core.schedule import TrainingOrder
+from pga_me_ros.arrays import Float32Array
+from pga_me_ros.core.algorithms import algorithm_of
+from pga_me_ros.core.networks.shapes import controller_shape
+from pga_me_ros.core.plan import TrainingOrder
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.core.snapshot import Snapshot
-from pga_me_ros.core.systems import system_of
-from pga_me_ros.core.trainings import Trainings
-from pga_me_ros.nodes.options import ChildOptions, require_run
+from pga_me_ros.core.training.resumable_learner import ResumableLearner
+from pga_me_ros.core.training.training_queue import TrainingQueue
+from pga_me_ros.errors import PgaError, RequestError
 from pga_me_ros.ros import names, qos
 from pga_me_ros.ros.command_line import Program
 from pga_me_ros.ros.convert import episode_from_msg, finite, shaped, snapshot_to_msg, with_rates
 from pga_me_ros.ros.graph_node import GraphNode
+from pga_me_ros.ros.options import ChildOptions, require_run
 from pga_me_ros.ros.parameters import declare_run
 from pga_me_ros.ros.process import run_node
 from pga_me_ros.tasks.registry import task_spec
@@ -34,7 +34,7 @@ CRITICS = 2
 
 
 class CriticTrainerNode(GraphNode):
-    """Owns replay buffer, critics and greedy controller, and goes on listening while it trains."""
+    """Owns replay buffer, critics and greedy controller, and keeps listening while it trains."""
 
     def __init__(self) -> None:
         super().__init__("critic_trainer")
@@ -43,8 +43,8 @@ class CriticTrainerNode(GraphNode):
         self._spec = task_spec(self._settings.task)
         run_dir = Path(options["run_dir"])
         workers = min(os.cpu_count() or 1, CRITICS)
-        self._learner = DurableLearner(self._spec, self._settings, run_dir, workers)
-        self._trainings = Trainings(self._learner, self._trained, self._failed)
+        self._learner = ResumableLearner(self._spec, self._settings, run_dir, workers)
+        self._trainings = TrainingQueue(self._learner, self._trained, self._failed)
         self._snapshots = self.create_publisher(CriticSnapshot, names.SNAPSHOT, qos.LATCHED)
         self.create_subscription(
             Transitions, names.TRANSITIONS, self._take_episode, qos.EXPERIENCE_READER
@@ -72,7 +72,7 @@ class CriticTrainerNode(GraphNode):
                 f"Evaluation {msg.evaluation} is of generation {msg.generation}, which is over or far ahead."
             )
         episode = episode_from_msg(msg, self._spec)
-        episode = system_of(self._settings).remembered(episode)
+        episode = algorithm_of(self._settings).remembered(episode)
         experience.stage(msg.generation, msg.evaluation, episode)
 
     def _store(self, request: StoreExperience.Request, response: StoreExperience.Response) -> None:
@@ -107,7 +107,7 @@ class CriticTrainerNode(GraphNode):
         Its outcome would take the place of later ones: see `CriticCheckpoints.save`.
 
         Raises:
-            RequestError: It is for a generation that is over, or on experience of the wrong one.
+            RequestError: The order is for a generation that is over, or names the wrong generation's experience.
         """
         stored = self._learner.experience.stored
         if order.generation <= stored:
@@ -120,7 +120,7 @@ class CriticTrainerNode(GraphNode):
                 "sense; expected one or two generations less."
             )
 
-    def _greedy_start(self, request: Train.Request) -> NDArray[np.float32] | None:
+    def _greedy_start(self, request: Train.Request) -> Float32Array | None:
         """Return the (P,) controller that the greedy one starts at, None for a random start."""
         if self._settings.greedy_init != "best":
             if len(request.greedy):

@@ -18,21 +18,20 @@ from pga_me_msgs.msg import Transitions
 from pga_me_msgs.srv import Evaluate
 from rclpy.executors import ExternalShutdownException
 
-from pga_me_ros.core.errors import RequestError
-from pga_me_ros.core.exploration import exploring
-from pga_me_ros.core.policy import Controller
-from pga_me_ros.core.schedule import evaluation_rng
-from pga_me_ros.core.setting_field import checked_value, setting
+from pga_me_ros.core.evaluation import evaluation_rng, exploring
+from pga_me_ros.core.networks.controller import MlpController
 from pga_me_ros.core.settings import Settings
-from pga_me_ros.nodes.options import RunOptions
+from pga_me_ros.core.settings.field import checked_value, setting
+from pga_me_ros.errors import RequestError
+from pga_me_ros.process.parent_watch import PARENT_WATCH
 from pga_me_ros.ros import names, qos
 from pga_me_ros.ros.command_line import Program
 from pga_me_ros.ros.convert import episode_to_msg, finite, flat, layers_from_msg, shaped
-from pga_me_ros.ros.environment import LOCAL_NOTE, is_local
+from pga_me_ros.ros.dds_choices import LOCAL_NOTE, is_local
 from pga_me_ros.ros.graph_node import GraphNode, own_name
 from pga_me_ros.ros.namesakes import leave_to_elders, listening_time
+from pga_me_ros.ros.options import RunOptions
 from pga_me_ros.ros.parameters import declare
-from pga_me_ros.ros.parent_watch import PARENT_WATCH
 from pga_me_ros.ros.process import run_node
 from pga_me_ros.tasks.registry import make_task
 from pga_me_ros.tasks.rollout import Episode, rollout
@@ -107,7 +106,7 @@ class Evaluator(GraphNode):
         """Listen for a namesake before offering the service, which would get the namesake's requests as well.
 
         Raises:
-            PgaError: One is there.
+            PgaError: Another evaluator has the name.
         """
         leave_to_elders(self, lambda msg: msg.node == self.get_fully_qualified_name(), OTHER_NAME)
         start = time.monotonic()
@@ -120,7 +119,7 @@ class Evaluator(GraphNode):
         """Give discovery a moment before an episode that nobody would hear of: it would have to be done again.
 
         So it is when the evaluator has just been started, or has just been connected to the network again. Who asks
-        without listening, and is waited for in vain, is not waited for a second time.
+        without listening is waited for once, not twice.
         """
         deadline = time.monotonic() + self._patience
         pause = threading.Event()
@@ -141,7 +140,7 @@ class Evaluator(GraphNode):
         )
         self._experience.publish(msg)
 
-    def _controllers(self, request: Evaluate.Request) -> list[Controller]:
+    def _controllers(self, request: Evaluate.Request) -> list[MlpController]:
         """Check a request and return its controllers.
 
         Raises:
@@ -168,7 +167,7 @@ class Evaluator(GraphNode):
         parameters = shaped(
             request.parameters, (ids.size, shape.parameter_count), np.float32, "parameters"
         )
-        return [Controller(shape, p) for p in finite(parameters, "parameters")]
+        return [MlpController(shape, p) for p in finite(parameters, "parameters")]
 
     def destroy_node(self) -> None:
         """Close the world, then destroy the node."""

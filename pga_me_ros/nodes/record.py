@@ -18,7 +18,8 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.signals import SignalHandlerOptions
 
-from pga_me_ros.core.errors import RequestError
+from pga_me_ros.errors import RequestError
+from pga_me_ros.process.streams import tell
 from pga_me_ros.recording.bag import BagWriter
 from pga_me_ros.recording.definitions import type_name
 from pga_me_ros.recording.gaps import SeenEpisodes, ranges
@@ -109,7 +110,7 @@ class Recorder(Node):
             Lines that say what is in it, and what is not.
 
         Raises:
-            StorageError: It cannot be closed.
+            StorageError: The recording cannot be closed.
         """
         self._bag.close()
         seconds = time.monotonic() - self._began
@@ -180,9 +181,9 @@ def main() -> int:
         if not start(PROGRAM, signal_handler_options=SignalHandlerOptions.NO):
             return 0
         recorder = Recorder()
-        print(f"recording into {recorder.path}; Ctrl-C ends it", flush=True)
+        tell(f"recording into {recorder.path}; Ctrl-C ends it")
         record_until(stop, recorder)
-        print("\n".join(recorder.close()), flush=True)
+        tell("\n".join(recorder.close()))
     except Exception as error:
         return report(error, starting=recorder is None)
     finally:

@@ -10,21 +10,21 @@ import numpy as np
 from pga_me_msgs.msg import CriticSnapshot, Elites
 from pga_me_msgs.srv import Propose
 
-from pga_me_ros.core.elites import Operator
-from pga_me_ros.core.errors import PgaError, RequestError
-from pga_me_ros.core.make_archive import cell_count
-from pga_me_ros.core.make_offspring import MAKERS, Wanted, make_offspring, needs_snapshot
-from pga_me_ros.core.policy import controller_shape
+from pga_me_ros.core.algorithms import algorithm_of
+from pga_me_ros.core.algorithms.snapshot_fit import require_fit
+from pga_me_ros.core.archive.make_archive import cell_count
+from pga_me_ros.core.networks.shapes import controller_shape
+from pga_me_ros.core.operators import OPERATORS, Operator, needs_snapshot
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.core.snapshot import Snapshot
-from pga_me_ros.core.snapshot_fit import require_fit
-from pga_me_ros.core.systems import system_of
-from pga_me_ros.nodes.elites_topic import EliteMirror
-from pga_me_ros.nodes.options import ChildOptions, require_run
+from pga_me_ros.core.variation.make_offspring import MAKERS, OffspringRequest, make_offspring
+from pga_me_ros.errors import PgaError, RequestError
 from pga_me_ros.ros import names, qos
 from pga_me_ros.ros.command_line import Program
 from pga_me_ros.ros.convert import flat, shaped, snapshot_from_msg, with_rates
+from pga_me_ros.ros.elites_topic import EliteMirror
 from pga_me_ros.ros.graph_node import GraphNode
+from pga_me_ros.ros.options import ChildOptions, require_run
 from pga_me_ros.ros.parameters import declare_run
 from pga_me_ros.ros.process import run_node
 from pga_me_ros.tasks.registry import task_spec
@@ -45,7 +45,7 @@ class Variation(GraphNode):
         self._run_id = require_run(options, "variation")
         self._spec = task_spec(self._settings.task)
         self._shape = controller_shape(self._spec, self._settings)
-        own = system_of(self._settings).parents
+        own = algorithm_of(self._settings).operators
         self._operators = [o for o in MAKERS if o in own or o is Operator.RANDOM]
         self._snapshots: dict[int, Snapshot] = {}
         self._answered: tuple[Propose.Request, array.array[float]] | None = None
@@ -68,7 +68,7 @@ class Variation(GraphNode):
             self.refused(f"dropped a critic snapshot: {error}")
         else:
             # The next generation's snapshot may come while this one's offspring are still made. What came last is kept,
-            # not what has the highest number: one that is missed can be asked for again, a stray one is never used.
+            # not what has the highest number: one that is missed can be requested again, a stray one is never used.
             self._snapshots.pop(snapshot.generation, None)
             self._snapshots[snapshot.generation] = snapshot
             while len(self._snapshots) > KEPT:
@@ -83,14 +83,14 @@ class Variation(GraphNode):
 
     def _propose(self, request: Propose.Request, response: Propose.Response) -> None:
         if self._answered and request == self._answered[0]:
-            # Asked again out of impatience: making the same offspring anew would only add to the delay.
+            # The orchestrator repeats a slow request; making the same offspring again would only add to the delay.
             response.parameters = self._answered[1]
             return
         self.check_run(request.run_id, self._run_id)
         settings = with_rates(self._settings, request.rates)
         self._check_places(request)
         operator = self._operator(request)
-        each = system_of(settings).parents.get(operator, 0)
+        each = OPERATORS[operator].parents
         ids = shaped(request.parents, (request.count, each), np.int64, "parents")
         snapshot = None
         if needs_snapshot(operator, request.generation):
@@ -107,11 +107,11 @@ class Variation(GraphNode):
             response.lacking = lacking
             self._put_off(
                 response,
-                f"Parents {lacking} are no elites that were heard of; have {names.SAMPLE_PARENTS} publish them, "
-                "then ask again.",
+                f"Parents {lacking} are not among the elites received so far; have {names.SAMPLE_PARENTS} publish "
+                "them, then ask again.",
             )
             return
-        wanted = Wanted(
+        wanted = OffspringRequest(
             settings,
             self._shape,
             request.generation,
@@ -145,7 +145,7 @@ class Variation(GraphNode):
             raise RequestError("generation and first must be at least 0, count at least 1.")
         if request.first + request.count > b:
             raise RequestError(
-                f"Places {request.first} to {request.first + request.count - 1} are asked for, but a "
+                f"Places {request.first} to {request.first + request.count - 1} were requested, but a "
                 f"batch has places 0 to {b - 1}."
             )
 

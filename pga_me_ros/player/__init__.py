@@ -1,1 +1,1 @@
-"""Behaviours to play: the simulated robot as a model and as messages for ROS tools."""
+"""Behaviors to play: the simulated robot as a model and as messages for ROS tools."""

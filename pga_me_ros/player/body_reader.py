@@ -2,17 +2,32 @@
 
 from __future__ import annotations
 
+import os
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
-from pga_me_ros.core.errors import TaskError
+from pga_me_ros.errors import TaskError
 from pga_me_ros.player.mjcf import capsule_poses
-from pga_me_ros.player.model import BASE_LINK, Joint, Link, RobotModel, RobotState, Shape, motion
+from pga_me_ros.player.model import (
+    BASE_LINK,
+    TORSO_CENTER,
+    Joint,
+    Link,
+    RobotModel,
+    RobotState,
+    Shape,
+    free_name,
+    motion,
+)
 from pga_me_ros.player.transform import ZERO, Transform, conjugate, multiply, rotate, unit
 from pga_me_ros.tasks.body import Body
 
 NO_SPEED_LIMIT = 100.0
 """Written where the model limits no speed, rad/s or m/s: URDF demands a limit."""
+
+_MADE_UP = re.compile(r"jointfix_\d+_\d+")
+"""Names that PyBullet gives to the welds of MJCF models; they count what was loaded before."""
 
 _KINDS = {0: "revolute", 1: "prismatic", 4: "fixed"}
 _SHAPES = {2: ("sphere", 1), 3: ("box", 3), 4: ("cylinder", 2), 5: ("mesh", 3), 7: ("capsule", 2)}
@@ -32,7 +47,7 @@ class BodyReader:
         client: Id of the PyBullet client.
 
     Raises:
-        TaskError: It is no tree of links with joints of one degree of freedom below the torso.
+        TaskError: The robot is no tree of links with joints of one degree of freedom below the torso.
     """
 
     def __init__(self, body: Body) -> None:
@@ -41,15 +56,17 @@ class BodyReader:
         self._pybullet = pybullet
         self._body = body
         self.client = body.client
+        self._path = Path(os.fspath(body.model_path))
         self._infos = [
             pybullet.getJointInfo(body.robot, index, body.client)
             for index in range(pybullet.getNumJoints(body.robot, body.client))
         ]
+        self._joint_names = {info[1].decode() for info in self._infos}
         self._dynamics = {
             index: pybullet.getDynamicsInfo(body.robot, index, body.client)
             for index in range(-1, len(self._infos))
         }
-        self._centres = {index: Transform(*d[3:5]) for index, d in self._dynamics.items()}
+        self._centers = {index: Transform(*d[3:5]) for index, d in self._dynamics.items()}
         self._rails = self._ancestors(body.torso)
         self._shapes = self._read_shapes()
         self.model = self._read_model()
@@ -64,36 +81,36 @@ class BodyReader:
             linear, angular = pybullet.getBaseVelocity(body.robot, body.client)
         else:
             linear, angular = pybullet.getLinkState(body.robot, body.torso, 1, 0, body.client)[6:8]
-            pose = self._along_rails(pose @ self._centres[-1].inverse())
+            pose = self._along_rails(pose @ self._centers[-1].inverse())
         positions, velocities = tuple(s[0] for s in states), tuple(s[1] for s in states)
         return RobotState(pose, linear, angular, positions, velocities)
 
     def _along_rails(self, pose: Transform) -> Transform:
-        """Return the pose of the torso's centre of mass, given that of the base's frame."""
+        """Return the pose of the torso's center of mass, given that of the base's frame."""
         pybullet, body = self._pybullet, self._body
         for index in self._rails:
             pose = pose @ self._origin(index)
             if self._kind(index) != "fixed":
                 state = pybullet.getJointState(body.robot, index, body.client)
                 pose = pose @ motion(self._kind(index), self._axis(index), state[0])
-        return pose @ self._centres[body.torso]
+        return pose @ self._centers[body.torso]
 
     def _read_model(self) -> RobotModel:
         root, robot = self._pybullet.getBodyInfo(self._body.robot, self._body.client)
         torso = self._body.torso
         torso_name = root.decode() if torso < 0 else self._name(torso)
-        if torso_name == BASE_LINK:
-            torso_name += "_inertia"
+        # Links and joints of the user's keep their names; what is added here takes one that is free.
+        below = {torso_name, *map(self._name, self._below_torso())}
+        base = free_name(below, BASE_LINK, TORSO_CENTER)
         names = {torso: torso_name}
-        # The torso's own frame may lie anywhere, for a walker's on the floor: its centre of mass is a better handle.
-        frames = {torso: self._centres[torso].inverse()}
+        # The torso's own frame may lie anywhere, for a walker's on the floor: its center of mass is a better handle.
+        frames = {torso: self._centers[torso].inverse()}
         links = [
-            Link(BASE_LINK, 0.0, ZERO, Transform(), ()),
+            Link(base, 0.0, ZERO, Transform(), ()),
             self._link(torso, torso_name, frames[torso]),
         ]
-        joints = [
-            Joint(f"{BASE_LINK}_to_{torso_name}", "fixed", BASE_LINK, torso_name, Transform())
-        ]
+        weld = free_name(self._joint_names, f"{base}_to_{torso_name}")
+        joints = [Joint(weld, "fixed", base, torso_name, Transform())]
         for index in self._below_torso():
             if index in names:
                 continue  # it became one with the link before
@@ -111,10 +128,10 @@ class BodyReader:
         """Return a link whose frame in PyBullet has a pose in the frame that we give it."""
         mass, _, inertia = self._dynamics[index][:3]
         shapes = tuple(
-            Shape(s.kind, s.size, frame @ s.pose, s.colour, s.mesh)
+            Shape(s.kind, s.size, frame @ s.pose, s.color, s.mesh)
             for s in self._shapes.get(index, [])
         )
-        return Link(name, mass, inertia, frame @ self._centres[index], shapes)
+        return Link(name, mass, inertia, frame @ self._centers[index], shapes)
 
     def _joint(self, index: int, parent: str, child: str, frame: Transform) -> Joint:
         info = self._infos[index]
@@ -124,8 +141,10 @@ class BodyReader:
             info[8:12],
         )
         origin = frame @ self._origin(index)
-        if kind == "fixed":  # some have made-up names, which count what was loaded before
-            return Joint(f"{parent}_to_{child}", kind, parent, child, origin)
+        if kind == "fixed":
+            if _MADE_UP.fullmatch(name):
+                name = free_name(self._joint_names, f"{parent}_to_{child}")
+            return Joint(name, kind, parent, child, origin)
         if lower > upper:
             if kind == "prismatic":
                 raise TaskError(
@@ -150,10 +169,11 @@ class BodyReader:
         )
 
     def _welded_to_nothing(self, index: int) -> int:
-        """Return the only link welded to a link without mass and shape, else the link itself."""
+        """Return the only link that PyBullet welded to a link without mass and shape, else the link itself."""
         children = [i for i, info in enumerate(self._infos) if info[16] == index]
         empty = self._dynamics[index][0] == 0.0 and index not in self._shapes
-        return children[0] if empty and [self._kind(i) for i in children] == ["fixed"] else index
+        welds = [_MADE_UP.fullmatch(self._infos[i][1].decode()) for i in children]
+        return children[0] if empty and len(welds) == 1 and welds[0] else index
 
     def _below_torso(self) -> Iterator[int]:
         """Yield the links that hang on the torso, parents first.
@@ -186,7 +206,7 @@ class BodyReader:
         for data in self._pybullet.getVisualShapeData(self._body.robot, -1, self._body.client):
             if data[2] not in _SHAPES:
                 raise TaskError(
-                    f"a shape of kind {data[2]} in '{self._body.model_path}' cannot be drawn; expected sphere, box, "
+                    f"a shape of kind {data[2]} in '{self._path}' cannot be drawn; expected sphere, box, "
                     "cylinder, capsule or mesh"
                 )
             kind, entries = _SHAPES[data[2]]
@@ -194,19 +214,19 @@ class BodyReader:
             shapes.setdefault(data[1], []).append(
                 Shape(kind, tuple(data[3][:entries]), pose, data[7], mesh)
             )
-        if self._body.model_path.endswith(".xml"):
+        if self._path.suffix.lower() in (".xml", ".mjcf"):
             self._lay_capsules(shapes)
         return shapes
 
     def _lay_capsules(self, shapes: dict[int, list[Shape]]) -> None:
         """Replace the poses of capsules given by their ends, which PyBullet reports as standing in the origin."""
-        poses = capsule_poses(Path(self._body.model_path))
+        poses = capsule_poses(self._path)
         root = self._pybullet.getBodyInfo(self._body.robot, self._body.client)[0].decode()
         for index, seen in shapes.items():
             known = poses.get(root if index < 0 else self._name(index), [])
             if len(known) == len(seen):
                 shapes[index] = [
-                    Shape(s.kind, s.size, pose or s.pose, s.colour, s.mesh)
+                    Shape(s.kind, s.size, pose or s.pose, s.color, s.mesh)
                     for s, pose in zip(seen, known, strict=True)
                 ]
 
@@ -225,12 +245,12 @@ class BodyReader:
     def _origin(self, index: int) -> Transform:
         """Return the pose of a link's frame in that of its parent at position 0.
 
-        PyBullet tells the joint's place in the frame of the parent's centre of mass, and the opposite of the rotation
-        between both centres of mass.
+        PyBullet tells the joint's place in the frame of the parent's center of mass, and the opposite of the rotation
+        between both centers of mass.
         """
         info = self._infos[index]
-        turned = multiply(conjugate(info[15]), conjugate(self._centres[index].rotation))
-        return self._centres[info[16]] @ Transform(info[14], turned)
+        turned = multiply(conjugate(info[15]), conjugate(self._centers[index].rotation))
+        return self._centers[info[16]] @ Transform(info[14], turned)
 
     def _axis(self, index: int) -> tuple[float, float, float]:
-        return unit(rotate(self._centres[index].rotation, self._infos[index][13]))
+        return unit(rotate(self._centers[index].rotation, self._infos[index][13]))

@@ -7,14 +7,14 @@ import ctypes.util
 import os
 import sys
 
-from pga_me_ros.core.errors import SettingsError
+from pga_me_ros.errors import SettingsError
 
 
 def require_display() -> None:
     """Check that there is a display.
 
     Raises:
-        SettingsError: There is none, or it does not answer.
+        SettingsError: There is no display, or it does not answer.
     """
     if not sys.platform.startswith("linux"):
         return

@@ -11,11 +11,8 @@ from nav_msgs.msg import Odometry
 from sensor_msgs.msg import JointState
 from tf2_msgs.msg import TFMessage
 
-from pga_me_ros.player.model import BASE_LINK, Joint, RobotModel, RobotState
+from pga_me_ros.player.model import Joint, RobotModel, RobotState
 from pga_me_ros.player.transform import Transform, conjugate, rotate
-
-WORLD = "odom"
-"""Frame that the robot moves in: the floor is its plane z = 0."""
 
 
 class RobotMessages:
@@ -32,10 +29,13 @@ class RobotMessages:
         movable = model.movable
         self._joints = JointState(name=[joint.name for joint in movable])
         self._frames = TFMessage(
-            transforms=[self._between(prefix + WORLD, prefix + BASE_LINK), *map(self._of, movable)]
+            transforms=[
+                self._between(prefix + model.world, prefix + model.base),
+                *map(self._of, movable),
+            ]
         )
-        self._odometry = Odometry(child_frame_id=prefix + BASE_LINK)
-        self._odometry.header.frame_id = prefix + WORLD
+        self._odometry = Odometry(child_frame_id=prefix + model.base)
+        self._odometry.header.frame_id = prefix + model.world
 
     def joint_state(self, state: RobotState, stamp: Time) -> JointState:
         """Return positions and velocities of the movable joints."""

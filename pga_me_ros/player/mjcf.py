@@ -5,7 +5,7 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
-from pga_me_ros.core.errors import TaskError
+from pga_me_ros.errors import TaskError
 from pga_me_ros.player.transform import Transform, Vector, from_z_to
 
 

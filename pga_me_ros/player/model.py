@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Container
 from dataclasses import dataclass
+from itertools import chain, count
 
 from pga_me_ros.player.transform import UNTURNED, ZERO, Transform, Vector, turn
 
 BASE_LINK = "base_link"
-"""Frame of the whole robot: the torso's centre of mass, turned as the torso."""
+"""Frame of the whole robot: the torso's center of mass, turned as the torso."""
 
-Colour = tuple[float, float, float, float]
+TORSO_CENTER = "torso_center"
+"""Name of that frame where the robot has a `BASE_LINK` of its own, which keeps its name and place, see REP 105."""
+
+WORLD = "odom"
+"""Frame that the robot moves in: the floor is its plane z = 0."""
+
+Color = tuple[float, float, float, float]
 
 
 @dataclass(frozen=True)
@@ -20,14 +28,14 @@ class Shape:
         kind: ``sphere``, ``box``, ``cylinder``, ``capsule`` or ``mesh``.
         size: m: (radius,); the three edges; (length, radius), a capsule's without its caps; or a mesh's three scales.
         pose: Pose in the link's frame; cylinders and capsules lie along z.
-        colour: Red, green, blue, opacity, 0 to 1.
+        color: Red, green, blue, opacity, 0 to 1.
         mesh: File of a mesh.
     """
 
     kind: str
     size: tuple[float, ...]
     pose: Transform
-    colour: Colour
+    color: Color
     mesh: str = ""
 
 
@@ -38,15 +46,15 @@ class Link:
     Attributes:
         name: Its name, and that of its frame.
         mass: kg.
-        inertia: Moments of inertia about the axes of the frame of the centre of mass, kg m².
-        centre: Pose of the frame of the centre of mass in the link's frame.
+        inertia: Moments of inertia about the axes of the frame of the center of mass, kg m².
+        center: Pose of the frame of the center of mass in the link's frame.
         shapes: What is seen of it.
     """
 
     name: str
     mass: float
     inertia: Vector
-    centre: Transform
+    center: Transform
     shapes: tuple[Shape, ...]
 
 
@@ -93,13 +101,23 @@ class RobotModel:
 
     Attributes:
         name: Name of the robot.
-        links: Its links, `BASE_LINK` first.
+        links: Its links, that of the whole robot first.
         joints: Its joints, each after the one that moves its parent.
     """
 
     name: str
     links: tuple[Link, ...]
     joints: tuple[Joint, ...]
+
+    @property
+    def base(self) -> str:
+        """Name of the frame of the whole robot: `BASE_LINK`, or another where the robot has one of that name."""
+        return self.links[0].name
+
+    @property
+    def world(self) -> str:
+        """Name of the frame that the robot moves in: `WORLD`, or another where the robot has one of that name."""
+        return free_name([link.name for link in self.links], WORLD)
 
     @property
     def movable(self) -> tuple[Joint, ...]:
@@ -117,7 +135,7 @@ class RobotState:
     """Where a robot is and how it moves.
 
     Attributes:
-        base: Pose of `BASE_LINK` in the world.
+        base: Pose of the frame of the whole robot in the world.
         linear: Velocity of its origin, m/s, in axes of the world.
         angular: Angular velocity, rad/s, in axes of the world.
         positions: Position of each movable joint, rad or m.
@@ -129,6 +147,12 @@ class RobotState:
     angular: Vector
     positions: tuple[float, ...]
     velocities: tuple[float, ...]
+
+
+def free_name(taken: Container[str], *wanted: str) -> str:
+    """Return the first of some names that is not taken; if all are, the last one with a number behind it."""
+    numbered = (f"{wanted[-1]}_{number}" for number in count(2))
+    return next(name for name in chain(wanted, numbered) if name not in taken)
 
 
 def motion(kind: str, axis: Vector, position: float) -> Transform:
@@ -147,7 +171,7 @@ def motion(kind: str, axis: Vector, position: float) -> Transform:
 def link_poses(model: RobotModel, state: RobotState) -> dict[str, Transform]:
     """Return the pose of every link's frame in the world by its name."""
     positions = {joint.name: q for joint, q in zip(model.movable, state.positions, strict=True)}
-    poses = {BASE_LINK: state.base}
+    poses = {model.base: state.base}
     for joint in model.joints:
         poses[joint.child] = poses[joint.parent] @ joint.pose(positions.get(joint.name, 0.0))
     return poses

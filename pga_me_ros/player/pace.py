@@ -1,4 +1,4 @@
-"""Simulated time at the pace of a clock on the wall, or any multiple of it."""
+"""Simulated time in real time, or at any multiple of it."""
 
 from __future__ import annotations
 

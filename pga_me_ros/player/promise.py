@@ -1,4 +1,4 @@
-"""What an episode came to, beside what the repertoire promised of it."""
+"""The outcome of an episode, next to what the repertoire promised."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from pga_me_ros.player.stored import Gait
+from pga_me_ros.player.gait import Gait
 from pga_me_ros.tasks.rollout import Episode
 
 

@@ -1,4 +1,4 @@
-"""Parameters of the behaviour player."""
+"""Parameters of the behavior player."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from pga_me_ros.core.errors import SettingsError
-from pga_me_ros.core.setting_field import INT64_MAX, setting
+from pga_me_ros.core.settings.field import INT64_MAX, setting
+from pga_me_ros.errors import SettingsError
 
 
 @dataclass(frozen=True)
@@ -28,11 +28,10 @@ class PlayerSettings:
     min_fitness: float = setting(-math.inf, "Least fitness of what may be chosen.")
     run_dir: str = setting(
         "",
-        "Folder of a run, or its repertoire file, to take the gait from; empty asks whoever serves a repertoire.",
+        "Folder of a run, or its repertoire file, to take the gait from; empty asks the node that serves a repertoire.",
+        path=True,
     )
-    episodes: int = setting(
-        1, "Episodes to play; 0 goes on until it is stopped.", low=0, high=INT64_MAX
-    )
+    episodes: int = setting(1, "Episodes to play; 0 plays until stopped.", low=0, high=INT64_MAX)
     start: str = setting(
         "evaluated",
         "Initial pose: 'evaluated' is that of the evaluation, which is repeated bit for bit; 'fresh' is another one in "
@@ -63,7 +62,7 @@ def wanted(values: Mapping[str, Any]) -> dict[str, Any]:
         values: Parameters by name.
 
     Raises:
-        SettingsError: They contradict each other.
+        SettingsError: The parameters contradict each other.
     """
     descriptor, cell, select = values["descriptor"], values["cell"], values["select"]
     given = [

@@ -11,7 +11,8 @@ from rclpy.task import Future
 
 from pga_me_ros.client import RepertoireClient
 from pga_me_ros.core.settings import Settings
-from pga_me_ros.player.stored import Gait, StoredRepertoire
+from pga_me_ros.core.storage.stored_run import StoredRun
+from pga_me_ros.player.gait import Gait
 
 
 class Source(Protocol):
@@ -38,7 +39,7 @@ class Source(Protocol):
 
 
 class Served:
-    """A repertoire that another node serves, and may go on growing.
+    """A repertoire that another node serves, and that may still grow.
 
     Args:
         node: Node to ask through, spun by another thread.
@@ -51,12 +52,13 @@ class Served:
     def __init__(self, node: Node, wait: Callable[[Future], Any]) -> None:
         self._client = RepertoireClient(node)
         self._wait = wait
-        self.settings = Settings.from_mapping(wait(self._client.get_info_async()).settings)
+        self.settings = Settings.from_stored(wait(self._client.get_info_async()).settings)
         self.task = self.settings.task
 
     def choose(self, wanted: Mapping[str, Any]) -> Gait:
         """Return a gait, see `Source`."""
-        return Gait.of(self._wait(self._client.get_behavior_async(**wanted)))
+        gait: Gait = self._wait(self._client.get_behavior_async(**wanted))
+        return gait
 
 
 class Stored:
@@ -66,14 +68,14 @@ class Stored:
         path: The file, or the folder of its run.
 
     Raises:
-        StorageError: There is none, it is damaged, or it holds no gait yet.
+        StorageError: There is no repertoire, it is damaged, or it holds no behavior yet.
     """
 
     def __init__(self, path: Path) -> None:
-        self._repertoire = StoredRepertoire.load(path)
-        self.task, self.settings = self._repertoire.task, self._repertoire.settings
+        self._run = StoredRun.load(path)
+        self.settings = self._run.settings
+        self.task = self.settings.task
 
     def choose(self, wanted: Mapping[str, Any]) -> Gait:
         """Return a gait, see `Source`."""
-        choice = {name: value for name, value in wanted.items() if name != "best"}
-        return self._repertoire.choose(**choice)
+        return self._run.choose(**wanted)

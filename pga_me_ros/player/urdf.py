@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from itertools import product
 from pathlib import Path
 
-from pga_me_ros.player.model import Colour, Joint, Link, RobotModel, Shape
+from pga_me_ros.player.model import Color, Joint, Link, RobotModel, Shape
 from pga_me_ros.player.transform import Transform, Vector, roll_pitch_yaw
 
 
@@ -17,9 +17,9 @@ def urdf(model: RobotModel) -> str:
     Numbers are written with all their digits. Capsules, which URDF does not know, become a cylinder and two spheres.
     """
     robot = ET.Element("robot", name=model.name)
-    for colour in _colours(model):
-        material = ET.SubElement(robot, "material", name=_material(colour))
-        ET.SubElement(material, "color", rgba=_numbers(colour))
+    for color in _colors(model):
+        material = ET.SubElement(robot, "material", name=_material(color))
+        ET.SubElement(material, "color", rgba=_numbers(color))
     for link in model.links:
         _add_link(robot, link)
     for joint in model.joints:
@@ -32,7 +32,7 @@ def _add_link(robot: ET.Element, link: Link) -> None:
     element = ET.SubElement(robot, "link", name=link.name)
     if link.mass > 0.0:
         inertial = ET.SubElement(element, "inertial")
-        _add_origin(inertial, link.centre)
+        _add_origin(inertial, link.center)
         ET.SubElement(inertial, "mass", value=repr(link.mass))
         moments = dict(zip(("ixx", "iyy", "izz"), map(repr, link.inertia), strict=True))
         ET.SubElement(inertial, "inertia", moments | {"ixy": "0.0", "ixz": "0.0", "iyz": "0.0"})
@@ -42,7 +42,7 @@ def _add_link(robot: ET.Element, link: Link) -> None:
         _add_origin(seen, part.pose)
         _add_geometry(seen, part)
         if kind == "visual":
-            ET.SubElement(seen, "material", name=_material(part.colour))
+            ET.SubElement(seen, "material", name=_material(part.color))
 
 
 def _add_geometry(element: ET.Element, shape: Shape) -> None:
@@ -65,10 +65,10 @@ def _parts(shape: Shape) -> Iterator[Shape]:
         yield shape
         return
     length, radius = shape.size
-    yield Shape("cylinder", shape.size, shape.pose, shape.colour)
+    yield Shape("cylinder", shape.size, shape.pose, shape.color)
     for end in (-0.5 * length, 0.5 * length):
         pose = shape.pose @ Transform((0.0, 0.0, end))
-        yield Shape("sphere", (radius,), pose, shape.colour)
+        yield Shape("sphere", (radius,), pose, shape.color)
 
 
 def _add_joint(robot: ET.Element, joint: Joint) -> None:
@@ -90,14 +90,14 @@ def _add_origin(element: ET.Element, pose: Transform) -> None:
     ET.SubElement(element, "origin", xyz=_numbers(pose.position), rpy=_numbers(angles))
 
 
-def _colours(model: RobotModel) -> list[Colour]:
-    """Return the colours in use, each once."""
+def _colors(model: RobotModel) -> list[Color]:
+    """Return the colors in use, each once."""
     shapes = (shape for link in model.links for shape in link.shapes)
-    return list(dict.fromkeys(shape.colour for shape in shapes))
+    return list(dict.fromkeys(shape.color for shape in shapes))
 
 
-def _material(colour: Colour) -> str:
-    return "colour_" + "".join(f"{round(255 * value):02x}" for value in colour)
+def _material(color: Color) -> str:
+    return "color_" + "".join(f"{round(255 * value):02x}" for value in color)
 
 
 def _numbers(values: tuple[float, ...] | Vector) -> str:

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import yaml
 from rclpy.qos import QoSProfile
 
-from pga_me_ros.core.errors import PgaError, StorageError
+from pga_me_ros.errors import PgaError, StorageError
 from pga_me_ros.recording.definitions import definition
 
 DIGEST = "sha256 of "
@@ -155,10 +155,10 @@ def read_bag(path: Path, type_names: Iterable[str]) -> Iterator[Message]:
 
     Args:
         path: Folder of a recording, of `BagWriter` or of ``ros2 bag record``.
-        type_names: Types that are wanted; others are passed over.
+        type_names: Types that are wanted; others are ignored.
 
     Raises:
-        StorageError: It is no recording, was not closed, is damaged, or its types are other versions than those
+        StorageError: The bag is no recording, was not closed, is damaged, or its types are other versions than those
             installed. Damage within messages is found after the last one, where the recording has digests.
         PgaError: The rosbags package is not installed.
     """
@@ -192,7 +192,7 @@ def topics(path: Path) -> dict[str, str]:
     """Return the types of a recording's topics by name.
 
     Raises:
-        StorageError: It is no recording, was not closed, or is damaged.
+        StorageError: The bag is no recording, was not closed, or is damaged.
         PgaError: The rosbags package is not installed.
     """
     rosbags = require_rosbags()
@@ -208,7 +208,7 @@ def require_rosbags() -> ModuleType:
     """Return the rosbags package.
 
     Raises:
-        PgaError: It is not installed.
+        PgaError: rosbags is not installed.
     """
     try:
         import rosbags

@@ -8,13 +8,13 @@ from pathlib import Path
 
 from ament_index_python.packages import PackageNotFoundError, get_package_share_directory
 
-from pga_me_ros.core.errors import StorageError
+from pga_me_ros.errors import StorageError
 
 SEPARATOR = "=" * 80
 
 
 @dataclass(frozen=True)
-class Definition:
+class MessageDefinition:
     """A message type as rosbag2 stores it.
 
     Attributes:
@@ -31,14 +31,14 @@ def type_name(kind: type) -> str:
     return "/".join([*kind.__module__.split(".")[:2], kind.__name__])
 
 
-def definition(type_name: str) -> Definition:
+def definition(type_name: str) -> MessageDefinition:
     """Return the definition of an installed message type.
 
     Args:
         type_name: For example ``pga_me_msgs/msg/Metrics``.
 
     Raises:
-        StorageError: Its package is not installed, or without its definitions.
+        StorageError: The package is not installed, or lacks its definitions.
     """
     try:
         path = _file(type_name)
@@ -50,7 +50,7 @@ def definition(type_name: str) -> Definition:
             for name in digests
             if name != type_name
         ]
-        return Definition("\n".join(parts), digests[type_name])
+        return MessageDefinition("\n".join(parts), digests[type_name])
     except (PackageNotFoundError, OSError, ValueError, KeyError) as error:
         raise StorageError(
             f"The definition of {type_name} cannot be found ({error}); source the workspace or environment that has it."

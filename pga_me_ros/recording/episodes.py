@@ -11,7 +11,7 @@ from pathlib import Path
 from pga_me_msgs.msg import Metrics, Transitions
 from rclpy.serialization import deserialize_message
 
-from pga_me_ros.core.errors import RequestError, StorageError
+from pga_me_ros.errors import RequestError, StorageError
 from pga_me_ros.recording.bag import read_bag
 from pga_me_ros.recording.definitions import type_name
 from pga_me_ros.recording.gaps import SeenEpisodes
@@ -35,7 +35,7 @@ class RecordedRun:
         heads: What each episode is, in evaluation order, each evaluation once.
         repeated: Messages beyond the first of an evaluation.
         differing: Evaluations of which there are different episodes; the last one counts.
-        missing: Evaluations that are not there but should be, as `SeenEpisodes.missing` says.
+        missing: Evaluations that should be there but are not, as `SeenEpisodes.missing` says.
     """
 
     bag: Path
@@ -88,8 +88,8 @@ def recorded_run(bag: Path, run_id: str = "") -> RecordedRun:
         run_id: Run; empty for the only one that has episodes.
 
     Raises:
-        StorageError: It is no recording, or damaged.
-        RequestError: It has no episodes of that run, or of several, or an evaluation is of two generations.
+        StorageError: The bag is no recording, or damaged.
+        RequestError: The bag has no episodes of that run, or of several, or an evaluation is of two generations.
     """
     heads: dict[str, dict[int, EpisodeHead]] = {}
     seen: dict[str, SeenEpisodes] = {}

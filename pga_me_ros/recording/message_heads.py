@@ -8,7 +8,7 @@ from __future__ import annotations
 import struct
 from typing import Any, NamedTuple
 
-from pga_me_ros.core.errors import RequestError
+from pga_me_ros.errors import RequestError
 
 PREAMBLE = 4
 """Bytes before the first field: the encoding. Fields are aligned to what follows it."""
@@ -29,9 +29,9 @@ def episode_head(data: bytes) -> EpisodeHead:
     """Read the head of a serialised Transitions message.
 
     Raises:
-        RequestError: It is none.
+        RequestError: The bytes are no such message.
     """
-    fields = _Fields(data)
+    fields = _HeadFields(data)
     run_id, task, _evaluator = fields.string(), fields.string(), fields.string()
     generation, evaluation = fields.number("q"), fields.number("q")
     fitness = fields.number("d")
@@ -43,16 +43,16 @@ def committed_evaluations(data: bytes) -> tuple[str, int]:
     """Read from a serialised Metrics message whose run it is of, and how many evaluations are in its archive.
 
     Raises:
-        RequestError: It is none.
+        RequestError: The bytes are no such message.
     """
-    fields = _Fields(data)
+    fields = _HeadFields(data)
     fields.number("i"), fields.number("I")  # stamp
     run_id, _task = fields.string(), fields.string()
     fields.number("q")  # generation
     return run_id, fields.number("q")
 
 
-class _Fields:
+class _HeadFields:
     """Reads CDR fields one after the other, as ROS 2 middleware writes them."""
 
     def __init__(self, data: bytes) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from pga_me_ros.core.setting_field import setting
+from pga_me_ros.core.settings.field import setting
 
 
 @dataclass(frozen=True)
@@ -12,5 +12,7 @@ class RecorderSettings:
     """What is recorded where."""
 
     bag: str = setting(
-        "", "Folder of the recording, which must not exist; empty for recording- and the time."
+        "",
+        "Folder of the recording, which must not exist; empty for recording- and the time.",
+        path=True,
     )

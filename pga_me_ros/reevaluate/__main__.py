@@ -1,4 +1,4 @@
-"""``ros2 run pga_me_ros reevaluate RUN --repeats 10``: what elites are worth on average, kept beside the repertoire."""
+"""``ros2 run pga_me_ros reevaluate RUN --repeats 10``: mean fitness of elites, stored next to the repertoire."""
 
 from __future__ import annotations
 
@@ -12,17 +12,21 @@ from pathlib import Path
 
 import numpy as np
 
-from pga_me_ros.core.archive import Archive
-from pga_me_ros.core.errors import RequestError, StorageError
-from pga_me_ros.core.file_lock import FileLock
-from pga_me_ros.core.fitness_difference import fitness_differences
-from pga_me_ros.core.metrics import Metrics
-from pga_me_ros.core.policy import MlpShape
-from pga_me_ros.core.program import run_program
-from pga_me_ros.core.reevaluations import FILE, Reevaluations, Statistics
-from pga_me_ros.core.run_directory import REPERTOIRE
-from pga_me_ros.core.run_info import RunInfo, changed_fields, library_versions
-from pga_me_ros.core.storage import Repertoire
+from pga_me_ros.core.archive.archive import Archive
+from pga_me_ros.core.archive.metrics import Metrics
+from pga_me_ros.core.networks.mlp import MlpShape
+from pga_me_ros.core.storage.file_lock import FileLock
+from pga_me_ros.core.storage.reevaluations import (
+    FILE,
+    Reevaluations,
+    Statistics,
+    fitness_differences,
+)
+from pga_me_ros.core.storage.run_info import RunInfo, changed_fields, library_versions
+from pga_me_ros.core.storage.stored_run import StoredRun
+from pga_me_ros.errors import RequestError, StorageError
+from pga_me_ros.process.program import run_program
+from pga_me_ros.process.streams import tell
 from pga_me_ros.reevaluate.workers import Job, Outcome, evaluated
 from pga_me_ros.tasks.registry import task_spec
 
@@ -42,12 +46,14 @@ def main(args: Sequence[str] | None = None) -> int:
     Returns:
         Exit status, as `run_program`; after Ctrl-C, what was found until then is stored.
     """
-    asked = _parser().parse_args(args)
+    options = _parser().parse_args(args)
 
     def work() -> None:
-        print(reevaluate(asked.run, asked.repeats, asked.best, asked.processes, asked.bests))
+        print(
+            reevaluate(options.run, options.repeats, options.best, options.processes, options.bests)
+        )
 
-    return run_program(work, stopped="stopped; the same command goes on from here")
+    return run_program(work, stopped="stopped; the same command continues from here")
 
 
 def reevaluate(
@@ -70,20 +76,19 @@ def reevaluate(
         What the statistics say, in words.
 
     Raises:
-        StorageError: The run cannot be read, or the outcomes cannot be stored.
-        RequestError: A number makes no sense, or there is no elite.
+        StorageError: The run cannot be read, holds no behavior yet, or the outcomes cannot be stored.
+        RequestError: A number makes no sense, or the best controllers are not known.
         TaskError: The run's task does not start.
     """
-    file = run / REPERTOIRE if run.is_dir() else run
     numbers = {"repeats": (repeats, 1), "best": (best, 1), "processes": (processes, 0)}
     for name, (value, least) in numbers.items():
         if value is not None and value < least:
             raise RequestError(f"--{name} is {value}; give {least} or more.")
-    with Repertoire.open(file, read_only=True) as repertoire:
-        info, archive, metrics = repertoire.info, repertoire.load_archive(), repertoire.metrics()
-        on_the_way = repertoire.bests() if bests else []
-    if not len(archive):
-        raise RequestError(f"'{file}' holds no controller yet; run it for longer first.")
+    stored = StoredRun.load(run)
+    file, info, archive = stored.file, stored.info, stored.archive
+    on_the_way = stored.bests() if bests else []
+    if archive.note:
+        print(f"note: {archive.note}", file=sys.stderr)
     _require_same_task(info)
     if bests and not on_the_way:
         raise RequestError(
@@ -99,7 +104,9 @@ def reevaluate(
         rows = _grown(file, info, archive.dimensions, repeats, chosen, processes)
     finally:
         lock.release()
-    return luck(metrics, rows, repeats) if bests else summary(archive, rows.statistics(archive))
+    return (
+        luck(stored.metrics, rows, repeats) if bests else summary(archive, rows.statistics(archive))
+    )
 
 
 def luck(metrics: Sequence[Metrics], rows: Reevaluations, repeats: int) -> str:
@@ -118,7 +125,7 @@ def summary(archive: Archive, known: Statistics) -> str:
     cells = np.flatnonzero(archive.filled & (known.repeats > 0))
     once, mean = archive.fitness[cells], known.mean_fitness[cells]
     moved = np.linalg.norm(archive.descriptors[cells] - known.mean_descriptor[cells], axis=1)
-    seen = known.seen(archive)
+    seen = known.as_elites(archive)
     best = seen.best()
     return "\n".join(
         [
@@ -216,16 +223,16 @@ def _rows(outcomes: list[Outcome], of: Reevaluations) -> Reevaluations:
 
 
 def _show(text: str) -> None:
-    """Show progress to whoever watches."""
+    """Show progress on a terminal."""
     if sys.stderr.isatty():
-        print(text, end="", file=sys.stderr, flush=True)
+        tell(text, sys.stderr, end="")
 
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="reevaluate",
-        description="Evaluate the elites of a run again from other initial poses, and keep mean and spread of fitness "
-        "and descriptor beside its repertoire. More repeats may be added at any time.",
+        description="Evaluate the elites of a run again from other initial poses, and store mean and spread of fitness "
+        "and descriptor next to its repertoire. More repeats may be added at any time.",
     )
     parser.add_argument("run", type=Path, metavar="RUN", help="folder of a run, or repertoire file")
     parser.add_argument("--repeats", type=int, default=10, metavar="N", help="per elite (10)")

@@ -6,19 +6,18 @@ import contextlib
 import multiprocessing
 import os
 import signal
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from functools import partial
 from itertools import islice
 
-import numpy as np
-from numpy.typing import NDArray
-
-from pga_me_ros.core.errors import PgaError
-from pga_me_ros.core.policy import Controller, MlpShape
-from pga_me_ros.core.reevaluations import reevaluation_rng
+from pga_me_ros.arrays import Float32Array, Float64Array
+from pga_me_ros.core.networks.controller import MlpController
+from pga_me_ros.core.networks.mlp import MlpShape
+from pga_me_ros.core.storage.reevaluations import reevaluation_rng
+from pga_me_ros.errors import PgaError
 from pga_me_ros.tasks.protocol import Task
 from pga_me_ros.tasks.registry import make_task
 from pga_me_ros.tasks.rollout import rollout
@@ -39,17 +38,17 @@ class Job:
 
     evaluation: int
     repeats: tuple[int, ...]
-    parameters: NDArray[np.float32]
+    parameters: Float32Array
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of one repeat; attributes as in `Reevaluations`, one row."""
+    """Outcome of one repeat; attributes as in `Reevaluations`, one row."""
 
     evaluation: int
     repeat: int
     fitness: float
-    descriptor: NDArray[np.float64]
+    descriptor: Float64Array
     steps: int
     terminated: bool
 
@@ -70,7 +69,7 @@ class Evaluator:
 
     def evaluate(self, job: Job) -> list[Outcome]:
         """Carry out a job."""
-        controller = Controller(self._shape, job.parameters)
+        controller = MlpController(self._shape, job.parameters)
         outcomes = []
         for repeat in job.repeats:
             e = rollout(self._task, controller, reevaluation_rng(self._seed, repeat))
@@ -99,8 +98,8 @@ def _evaluate(job: Job, task_name: str, shape: MlpShape, seed: int) -> list[Outc
 
 def evaluated(
     jobs: Sequence[Job], task_name: str, shape: MlpShape, seed: int, processes: int
-) -> Iterator[list[Outcome]]:
-    """Carry out jobs in several processes; yields what came of each as soon as it is there.
+) -> Generator[list[Outcome], None, None]:
+    """Carry out jobs in several processes; yields the outcomes of each as soon as it is done.
 
     The outcomes do not depend on the number of processes.
 

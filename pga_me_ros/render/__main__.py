@@ -6,18 +6,22 @@ import argparse
 import os
 import sys
 from collections.abc import Sequence
-from importlib.util import find_spec
 from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as evaluators have it
 
-from pga_me_ros.core.errors import PgaError, RequestError, StorageError
-from pga_me_ros.core.exploration import as_evaluated
-from pga_me_ros.core.program import run_program
-from pga_me_ros.core.schedule import evaluation_rng
+from pga_me_ros.core.storage.stored_run import StoredRun
+from pga_me_ros.errors import RequestError, StorageError
+from pga_me_ros.player.gait import Gait
 from pga_me_ros.player.promise import kept
-from pga_me_ros.player.recording import Recording, record
-from pga_me_ros.player.stored import Gait, StoredRepertoire
+from pga_me_ros.player.watched_rollout import Recording
+from pga_me_ros.process.program import run_program
+from pga_me_ros.render.behavior_gif import (
+    GifOptions,
+    draw_gif,
+    evaluated_again,
+    require_pillow,
+)
 from pga_me_ros.tasks.protocol import Task
 from pga_me_ros.tasks.registry import make_task
 
@@ -46,80 +50,54 @@ def render(asked: argparse.Namespace) -> Path:
     Raises:
         PgaError: The run cannot be read, has no such gait, its task cannot be drawn, or the file cannot be written.
     """
-    _require_pillow()
-    repertoire = StoredRepertoire.load(asked.run)
+    require_pillow()
+    run = StoredRun.load(asked.run)
+    if run.archive.note:
+        print(f"note: {run.archive.note}", file=sys.stderr)
     ending = ".png" if asked.sheet else ".gif"
-    out = asked.out or Path(f"{repertoire.name}{'-gaits' if asked.sheet else ''}{ending}")
+    out = asked.out or Path(f"{run.name}{'-gaits' if asked.sheet else ''}{ending}")
     if out.suffix.lower() != ending or out.is_dir():
         raise RequestError(f"--out is '{out}'; give the name of a file that ends in {ending}.")
     if not out.absolute().parent.is_dir():
         raise StorageError(f"There is no folder '{out.absolute().parent}'; make it first.")
-    task = make_task(repertoire.task)
+    task = make_task(run.settings.task)
     try:
         if asked.sheet:
-            _draw_sheet(asked, repertoire, task, out)
+            _draw_sheet(asked, run, task, out)
         else:
-            _draw_animation(asked, repertoire, task, out)
+            _draw_animation(asked, run, task, out)
     finally:
         task.close()
     return out
 
 
-def _require_pillow() -> None:
-    if find_spec("PIL") is None:
-        raise PgaError("Pictures need Pillow, which is not installed: pip install pillow.")
-
-
-def _draw_animation(
-    asked: argparse.Namespace, repertoire: StoredRepertoire, task: Task, out: Path
-) -> None:
-    gait = repertoire.choose(
+def _draw_animation(asked: argparse.Namespace, run: StoredRun, task: Task, out: Path) -> None:
+    gait = run.choose(
         descriptor=asked.descriptor,
         cell=asked.cell,
         random=asked.random,
         min_fitness=asked.min_fitness,
     )
-    from pga_me_ros.render.animation import animation, save_gif
-
-    period = task.spec.control_period
-    every = max(1, round(1.0 / (asked.fps * period)))
-    recording = _recorded(repertoire, task, gait, every)
-    times = [step * period for step in recording.steps]
-    count = len([time for time in times if asked.start <= time < asked.start + asked.seconds])
-    if not count:
-        raise RequestError(f"The episode ends after {times[-1]:.2f} s; give a smaller --start.")
-    first = len([time for time in times if time < asked.start])
-    shown = slice(first, first + count)
-    part = Recording(
-        recording.model, recording.states[shown], recording.steps[shown], recording.episode
-    )
-    frames = animation(part, gait, period, tuple(asked.size))
-    save_gif(out, frames, [time / asked.speed for time in times[shown]])
+    options = GifOptions(asked.start, asked.seconds, asked.speed, asked.fps, tuple(asked.size))
+    episode = draw_gif(task, run.settings, gait, out, options)
+    print(f"cell {gait.cell}: {kept(gait, episode)}", file=sys.stderr)
 
 
-def _draw_sheet(
-    asked: argparse.Namespace, repertoire: StoredRepertoire, task: Task, out: Path
-) -> None:
+def _draw_sheet(asked: argparse.Namespace, run: StoredRun, task: Task, out: Path) -> None:
     from pga_me_ros.render.contact_sheet import Row, contact_sheet, spread_cells
 
-    least = -float("inf") if asked.min_fitness is None else asked.min_fitness
-    cells = spread_cells(repertoire.archive, asked.sheet, least)
-    if not cells:
-        raise RequestError(
-            f"No gait has a fitness of {least:g} or more; the best has {repertoire.archive.max_fitness:.1f}."
-        )
-    gaits = [repertoire.gait(cell) for cell in cells]
-    rows = [Row(gait, _recorded(repertoire, task, gait, 1)) for gait in gaits]
-    names = ", ".join(repertoire.spec.descriptor_names)
-    title = f"{repertoire.spec.name}: {len(rows)} of {len(repertoire.archive)} gaits, described by [{names}]"
+    choices = run.choices(asked.min_fitness)
+    cells = spread_cells(run.archive, choices.cells(), asked.sheet)
+    gaits = [run.behavior(cell) for cell in cells]
+    rows = [Row(gait, _recorded(run, task, gait)) for gait in gaits]
+    names = ", ".join(run.spec.descriptor_names)
+    title = f"{run.spec.name}: {len(rows)} of {len(run.archive)} gaits, described by [{names}]"
     contact_sheet(title, rows, asked.columns, task.spec.control_period).save(out, optimize=True)
 
 
-def _recorded(repertoire: StoredRepertoire, task: Task, gait: Gait, every: int) -> Recording:
-    """Run a gait from the very start of its evaluation, and say whether it came to the same."""
-    s, k = repertoire.settings, gait.evaluation
-    act = as_evaluated(s, gait.controller, k)
-    recording = record(task, act, evaluation_rng(s.seed, k), every)
+def _recorded(run: StoredRun, task: Task, gait: Gait) -> Recording:
+    """Run a gait's evaluation again, and say whether the result was the same."""
+    recording = evaluated_again(task, run.settings, gait, 1)
     print(f"cell {gait.cell}: {kept(gait, recording.episode)}", file=sys.stderr)
     return recording
 

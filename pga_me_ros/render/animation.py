@@ -7,15 +7,15 @@ from pathlib import Path
 
 from PIL import Image
 
-from pga_me_ros.core.errors import StorageError
+from pga_me_ros.errors import StorageError
 from pga_me_ros.player.camera import Camera
-from pga_me_ros.player.recording import Recording
-from pga_me_ros.player.stored import Gait
+from pga_me_ros.player.gait import Gait
+from pga_me_ros.player.watched_rollout import Recording
 from pga_me_ros.render.labels import described, labelled
 from pga_me_ros.render.scene import Scene
 
-COLOURS = 64
-"""Colours of a GIF: few make small files, and flat shades need no more."""
+COLORS = 64
+"""Colors of a GIF: few make small files, and flat shades need no more."""
 
 TICK = 0.01
 """Unit of a GIF's times, s."""
@@ -58,12 +58,12 @@ def save_gif(path: Path, frames: list[Image.Image], times: list[float]) -> None:
     Raises:
         StorageError: The file cannot be written.
     """
-    # One palette for all, or colours would flicker; made of frames from all over, as the first may lack some.
+    # One palette for all, or colors would flicker; made of frames from all over, as the first may lack some.
     sample = frames[:: max(1, len(frames) // 6)]
     strip = Image.new("RGB", (frames[0].width, frames[0].height * len(sample)))
     for k, frame in enumerate(sample):
         strip.paste(frame, (0, k * frame.height))
-    palette = strip.quantize(COLOURS, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
+    palette = strip.quantize(COLORS, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
     few = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
     # Rounding each time, not each duration: errors do not add up.
     ticks = [round(time / TICK) for time in times]

@@ -6,13 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image
 
-from pga_me_ros.core.archive import Archive
+from pga_me_ros.arrays import Float64Array, Int64Array
+from pga_me_ros.core.archive.archive import Archive
 from pga_me_ros.player.camera import Camera
-from pga_me_ros.player.recording import Recording
-from pga_me_ros.player.stored import Gait
+from pga_me_ros.player.gait import Gait
+from pga_me_ros.player.watched_rollout import Recording
 from pga_me_ros.render.labels import PAPER, described, write
 from pga_me_ros.render.scene import Scene
 
@@ -36,21 +36,17 @@ class Row:
     recording: Recording
 
 
-def spread_cells(archive: Archive, count: int, min_fitness: float) -> list[int]:
+def spread_cells(archive: Archive, cells: Int64Array, count: int) -> list[int]:
     """Return cells whose elites lie far from each other, in the order of their descriptors.
 
     The first one chosen is the fittest; each further one has the greatest distance to those before, in units of the
     descriptor space's edges.
 
     Args:
-        archive: The archive, not empty.
+        archive: The archive.
+        cells: Filled cells to choose from, at least one.
         count: Most cells to return.
-        min_fitness: Elites below are passed over.
     """
-    cells = archive.filled_cells()
-    cells = cells[archive.fitness[cells] >= min_fitness]
-    if not len(cells):
-        return []
     points = (archive.descriptors[cells] - archive.low) / (archive.high - archive.low)
     chosen = [int(np.argmax(archive.fitness[cells]))]
     apart = _distances(points, chosen[0])
@@ -61,8 +57,8 @@ def spread_cells(archive: Archive, count: int, min_fitness: float) -> list[int]:
     return [int(cells[k]) for k in order]
 
 
-def _distances(points: NDArray[np.float64], k: int) -> NDArray[np.float64]:
-    distances: NDArray[np.float64] = np.linalg.norm(points - points[k], axis=1)
+def _distances(points: Float64Array, k: int) -> Float64Array:
+    distances: Float64Array = np.linalg.norm(points - points[k], axis=1)
     return distances
 
 

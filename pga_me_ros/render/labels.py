@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from pga_me_ros.player.stored import Gait
+from pga_me_ros.player.gait import Gait
 from pga_me_ros.render.scene import Picture
 
 INK = (40, 44, 52)

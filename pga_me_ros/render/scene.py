@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from pga_me_ros.core.errors import TaskError
+from pga_me_ros.errors import TaskError
 from pga_me_ros.player.camera import FIELD_OF_VIEW, Camera
-from pga_me_ros.player.model import Colour, RobotModel, RobotState
+from pga_me_ros.player.model import Color, RobotModel, RobotState
 from pga_me_ros.player.urdf import urdf
 
 TILE = 0.5
@@ -22,9 +22,9 @@ TILE = 0.5
 TILES = (32, 24)
 """Tiles along x and y that are laid around the robot, both even, so that they can move by two unseen."""
 
-TILE_COLOURS: tuple[Colour, Colour] = ((0.78, 0.80, 0.83, 1.0), (0.62, 0.66, 0.71, 1.0))
+TILE_COLORS: tuple[Color, Color] = ((0.78, 0.80, 0.83, 1.0), (0.62, 0.66, 0.71, 1.0))
 SKY = np.array([[218, 232, 246], [250, 252, 255]], np.float64)
-"""Colour at the top and at the bottom of what nothing covers."""
+"""Color at the top and at the bottom of what nothing covers."""
 
 Picture = NDArray[np.uint8]
 
@@ -67,7 +67,7 @@ class Scene:
             pybullet.resetJointState(self._robot, index, position, 0.0, client)
         self._move_ground(camera.target(state)[:2])
         width, height = self._size
-        _, _, colours, _, bodies = pybullet.getCameraImage(
+        _, _, colors, _, bodies = pybullet.getCameraImage(
             width,
             height,
             pybullet.computeViewMatrix(camera.eye(state), camera.target(state), (0.0, 0.0, 1.0)),
@@ -77,7 +77,7 @@ class Scene:
             renderer=pybullet.ER_TINY_RENDERER,
             physicsClientId=client,
         )
-        image = np.array(colours, np.uint8).reshape(height, width, 4)[..., :3]
+        image = np.array(colors, np.uint8).reshape(height, width, 4)[..., :3]
         nothing = np.array(bodies).reshape(height, width) < 0
         share = np.linspace(0.0, 1.0, height)[:, None, None]
         sky = np.broadcast_to(SKY[0] + share * (SKY[1] - SKY[0]), image.shape)
@@ -106,7 +106,7 @@ class Scene:
                 raise TaskError(f"the robot '{model.name}' cannot be drawn ({error})") from error
 
     def _lay_ground(self) -> list[int]:
-        """Return the bodies of the ground: all tiles of one colour, then all of the other."""
+        """Return the bodies of the ground: all tiles of one color, then all of the other."""
         return [self._lay_tiles(parity) for parity in range(2)]
 
     def _lay_tiles(self, parity: int) -> int:
@@ -125,7 +125,7 @@ class Scene:
             indices=triangles,
             normals=[(0.0, 0.0, 1.0)] * len(corners),
             uvs=[(0.0, 0.0)] * len(corners),
-            rgbaColor=TILE_COLOURS[parity],
+            rgbaColor=TILE_COLORS[parity],
             physicsClientId=client,
         )
         return int(pybullet.createMultiBody(baseVisualShapeIndex=look, physicsClientId=client))

@@ -6,17 +6,18 @@ import argparse
 import contextlib
 import sys
 from collections.abc import Sequence
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
 import yaml
 
-from pga_me_ros.core.errors import RequestError, SettingsError
-from pga_me_ros.core.program import run_program
-from pga_me_ros.core.run_directory import REPERTOIRE
+from pga_me_ros.core.algorithms import ALGORITHMS, algorithm_of
 from pga_me_ros.core.settings import Settings
-from pga_me_ros.core.storage import Repertoire
-from pga_me_ros.core.systems import system_of
+from pga_me_ros.core.settings.rules import CRITICS
+from pga_me_ros.core.storage.stored_run import StoredRun
+from pga_me_ros.errors import RequestError, SettingsError
+from pga_me_ros.process.program import run_program
 from pga_me_ros.recording.episodes import RecordedRun, recorded_run
 from pga_me_ros.recording.gaps import ranges
 from pga_me_ros.replay.publishing import publish
@@ -24,6 +25,12 @@ from pga_me_ros.replay.restoring import restore_experience
 from pga_me_ros.tasks.registry import task_spec
 
 ROS_ARGS = "--ros-args"
+
+OF_NETWORKS = ("task", "seed", "controller_hidden")
+"""What a training takes of another run, besides the settings of its critics."""
+
+TIMING = ("schedule", "critic_start")
+"""Settings of critics that say when they are trained, which a recording has no use for."""
 
 
 def main(args: Sequence[str] | None = None) -> int:
@@ -37,68 +44,80 @@ def main(args: Sequence[str] | None = None) -> int:
     """
     given = list(sys.argv[1:] if args is None else args)
     cut = given.index(ROS_ARGS) if ROS_ARGS in given else len(given)
-    asked = _parser().parse_args(given[:cut])
+    options = _parser().parse_args(given[:cut])
 
     def work() -> None:
-        if asked.publish:
-            print(publish(asked.bag, asked.rate, asked.wait, given[cut:]))
-        elif asked.into:
-            print(restore_experience(asked.bag, asked.into))
+        if options.publish:
+            print(publish(options.bag, options.rate, options.wait, given[cut:]))
+        elif options.into:
+            print(restore_experience(options.bag, options.into))
         else:
-            print(train(asked))
+            print(train(options))
 
     return run_program(work)
 
 
-def train(asked: argparse.Namespace) -> str:
+def train(options: argparse.Namespace) -> str:
     """Train critics as a parsed command line says.
 
     Returns:
-        What came of it, in words.
+        The outcome, in words.
 
     Raises:
         PgaError: The recording or a setting is not what it has to be.
     """
-    recorded = recorded_run(asked.bag, asked.run_id)
-    settings = _settings(asked, recorded)
-    _require_sound(recorded, settings, asked)
+    recorded = recorded_run(options.bag, options.run_id)
+    settings = _settings(options, recorded)
+    _require_sound(recorded, settings, options)
     spec = task_spec(settings.task)
     from pga_me_ros.replay.training import train_critics  # torch takes seconds: not for an error
 
-    done = train_critics(recorded, spec, settings, asked.out)
+    done = train_critics(recorded, spec, settings, options.out)
     first, last = done["evaluations"]
     return (
         f"trained {done['steps']} steps on {done['transitions']} transitions of {done['episodes']} episodes "
         f"(evaluations {first} to {last}): critic loss {done['critic_loss']:.4g}, mean Q {done['mean_q']:.4g}; "
-        f"in '{asked.out}'"
+        f"in '{options.out}'"
     )
 
 
-def _settings(asked: argparse.Namespace, recorded: RecordedRun) -> Settings:
+def _settings(options: argparse.Namespace, recorded: RecordedRun) -> Settings:
     """Return the settings of the training: defaults or a run's, and what the command line says.
 
     Raises:
         SettingsError: A value is wrong.
         StorageError: The run cannot be read.
     """
-    changes: dict[str, Any] = dict(_assignment(text) for text in asked.set)
-    if asked.task:
-        changes["task"] = asked.task
-    if asked.like:
-        with Repertoire.open(asked.like / REPERTOIRE, read_only=True) as repertoire:
-            base = dict(repertoire.info.settings)
-    else:
-        base = {"task": recorded.task}
-    settings = Settings.from_mapping({**base, **changes, "n_crit": asked.steps})
-    if not system_of(settings).learns_critics:
-        raise SettingsError(
-            f"{settings.algorithm} learns no critics; leave out --like, or --set algorithm."
-        )
+    changes: dict[str, Any] = dict(_assignment(text) for text in options.set)
+    if options.task:
+        changes["task"] = options.task
+    base: dict[str, Any] = {"task": recorded.task}
+    if options.like:
+        base = _of_critics(StoredRun.load(options.like, elites=False).settings)
+    algorithm = ALGORITHMS.get(str(changes.get("algorithm")))
+    if algorithm and not algorithm.learns_critics:
+        raise SettingsError(f"{algorithm.name} learns no critics; remove --set algorithm.")
+    settings = Settings.from_mapping({**base, **changes, "n_crit": options.steps})
     if settings.greedy_init != "random":
         raise SettingsError(
             f"greedy_init is '{settings.greedy_init}', but there is no archive here; add --set greedy_init=random."
         )
     return settings
+
+
+def _of_critics(like: Settings) -> dict[str, Any]:
+    """Return the settings of a run that its critics were trained with, by name.
+
+    Raises:
+        SettingsError: The run trains no critics.
+    """
+    if not algorithm_of(like).learns_critics:
+        raise SettingsError(f"{like.algorithm} learns no critics; remove --like.")
+    return {
+        f.name: getattr(like, f.name)
+        for f in fields(Settings)
+        if f.name in OF_NETWORKS or (f.metadata["part"] in CRITICS and f.name not in TIMING)
+    }
 
 
 def _assignment(text: str) -> tuple[str, Any]:
@@ -115,7 +134,7 @@ def _assignment(text: str) -> tuple[str, Any]:
     return name, tuple(parsed) if isinstance(parsed, list) else parsed
 
 
-def _require_sound(recorded: RecordedRun, settings: Settings, asked: argparse.Namespace) -> None:
+def _require_sound(recorded: RecordedRun, settings: Settings, options: argparse.Namespace) -> None:
     """Make sure that the recording is of the task and complete, or say what is not.
 
     Raises:
@@ -123,7 +142,7 @@ def _require_sound(recorded: RecordedRun, settings: Settings, asked: argparse.Na
     """
     if recorded.task != settings.task:
         raise RequestError(
-            f"'{asked.bag}' was recorded with task '{recorded.task}', the critics are to be for '{settings.task}'; "
+            f"'{options.bag}' was recorded with task '{recorded.task}', the critics are to be for '{settings.task}'; "
             "leave out --task and --like, or give those of that task."
         )
     if recorded.differing:
@@ -136,9 +155,9 @@ def _require_sound(recorded: RecordedRun, settings: Settings, asked: argparse.Na
         lost = (
             f"{len(recorded.missing)} episodes are missing: evaluations {ranges(recorded.missing)}"
         )
-        if not asked.incomplete:
+        if not options.incomplete:
             raise RequestError(
-                f"'{asked.bag}' is not complete; {lost}. --incomplete trains on what is there."
+                f"'{options.bag}' is not complete; {lost}. --incomplete trains on what is there."
             )
         print(f"note: {lost}", file=sys.stderr)
 

@@ -13,7 +13,7 @@ from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 from rclpy.signals import SignalHandlerOptions
 
-from pga_me_ros.core.errors import RequestError
+from pga_me_ros.errors import RequestError
 from pga_me_ros.recording.bag import read_bag, topics
 from pga_me_ros.recording.definitions import type_name
 from pga_me_ros.ros import qos
@@ -51,7 +51,7 @@ def publish(bag: Path, rate: float, wait: float, ros_args: Sequence[str]) -> str
         What was published, in words.
 
     Raises:
-        StorageError: It is no recording, or damaged.
+        StorageError: The bag is no recording, or damaged.
         RequestError: A number makes no sense, or there is nothing to publish.
         SettingsError: A ROS argument is wrong.
     """

@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from pga_me_ros.core.errors import RequestError, StorageError
-from pga_me_ros.core.experience import Experience
-from pga_me_ros.core.file_lock import FileLock
-from pga_me_ros.core.generation_files import generations_of
-from pga_me_ros.core.run_directory import LOCK, REPERTOIRE
-from pga_me_ros.core.schedule import evaluation_ids
+from pga_me_ros.core.algorithms import algorithm_of
+from pga_me_ros.core.evaluation import evaluation_ids
+from pga_me_ros.core.runs.experience import Experience
+from pga_me_ros.core.runs.run_directory import LOCK
 from pga_me_ros.core.settings import Settings
-from pga_me_ros.core.storage import Repertoire
-from pga_me_ros.core.systems import system_of
+from pga_me_ros.core.storage.file_lock import FileLock
+from pga_me_ros.core.storage.generation_files import generations_of
+from pga_me_ros.core.storage.stored_run import StoredRun
+from pga_me_ros.errors import RequestError, StorageError
 from pga_me_ros.recording.episodes import recorded_run
 from pga_me_ros.recording.gaps import ranges
 from pga_me_ros.tasks.registry import task_spec
@@ -38,10 +38,9 @@ def restore_experience(bag: Path, run: Path) -> str:
         StorageError: The run cannot be read or is in use, or the recording is damaged or not that of the run.
         RequestError: The recording lacks what is missing.
     """
-    with Repertoire.open(run / REPERTOIRE, read_only=True) as repertoire:
-        info = repertoire.info
-        steps = [generation.metrics.steps for generation in repertoire.generations()]
-    settings = Settings.from_mapping(info.settings)
+    stored = StoredRun.load(run, elites=False)
+    info, settings = stored.info, stored.settings
+    steps = [metrics.steps for metrics in stored.metrics]
     lost = _lost(run, settings, steps)
     if not lost:
         return f"'{run}' has all the experience that it needs"
@@ -55,7 +54,7 @@ def restore_experience(bag: Path, run: Path) -> str:
         )
     lock = FileLock(run / LOCK)
     try:
-        experience, system = Experience(run / FOLDER, settings), system_of(settings)
+        experience, algorithm = Experience(run / FOLDER, settings), algorithm_of(settings)
         for generation, episodes in recorded.episodes(heads, task_spec(settings.task)):
             found = sum(episode.length for episode in episodes.values())
             if found != steps[generation]:
@@ -64,7 +63,7 @@ def restore_experience(bag: Path, run: Path) -> str:
                     "done again after it was recorded."
                 )
             for evaluation, episode in episodes.items():
-                experience.stage(generation, evaluation, system.remembered(episode))
+                experience.stage(generation, evaluation, algorithm.remembered(episode))
             experience.store(generation)
     finally:
         lock.release()

@@ -8,20 +8,20 @@ from typing import Any
 
 import numpy as np
 
-from pga_me_ros.core.critic_checkpoint import CriticCheckpoints
-from pga_me_ros.core.errors import StorageError
-from pga_me_ros.core.folders import make_folder
-from pga_me_ros.core.learner import Learner
-from pga_me_ros.core.repertoire_arrays import FORMAT, LAYOUT, save_arrays, save_bytes
-from pga_me_ros.core.run_info import library_versions
-from pga_me_ros.core.schedule import TrainingOrder
+from pga_me_ros.core.learning.critic_learner import CriticLearner
+from pga_me_ros.core.plan import TrainingOrder
+from pga_me_ros.core.runs.critic_checkpoints import CriticCheckpoints
 from pga_me_ros.core.settings import Settings
-from pga_me_ros.core.snapshot import Snapshot
+from pga_me_ros.core.snapshot import GREEDY, Snapshot
+from pga_me_ros.core.storage.files import make_folder, save_bytes
+from pga_me_ros.core.storage.npz import FORMAT, LAYOUT, save_arrays
+from pga_me_ros.core.storage.run_info import library_versions
+from pga_me_ros.errors import StorageError
 from pga_me_ros.recording.episodes import RecordedRun
 from pga_me_ros.tasks.spec import TaskSpec
 
 STATISTICS = "statistics.json"
-GREEDY = "greedy.npz"
+GREEDY_FILE = "greedy.npz"
 
 _ABOUT = ("observation_names", "observation_units", "action_names", "action_units")
 
@@ -52,14 +52,14 @@ def train_critics(
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise StorageError(f"'{out}' is there already and not an empty folder; give another --out.")
     make_folder(out)
-    learner = Learner(spec, settings)
+    learner = CriticLearner(spec, settings)
     heads = recorded.newest(settings.replay_size)
     for generation, episodes in recorded.episodes(heads, spec):
         learner.add(generation, episodes.values())
     order = TrainingOrder.of(learner.newest + 1, learner.newest, settings)
     snapshot = learner.train(settings, order.generation)
     CriticCheckpoints(out).save(order, snapshot, learner.state())
-    save_arrays(out / GREEDY, _controller(snapshot, spec))
+    save_arrays(out / GREEDY_FILE, _controller(snapshot, spec))
     statistics = {
         "run_id": recorded.run_id,
         "task": spec.name,
@@ -79,12 +79,13 @@ def train_critics(
 
 def _controller(snapshot: Snapshot, spec: TaskSpec) -> dict[str, np.ndarray]:
     """Return the greedy controller as arrays of an exported repertoire, as far as they are known of it."""
-    sizes = snapshot.greedy_shape.sizes
+    shape, parameters = snapshot.network(GREEDY)
+    sizes = shape.sizes
     about = spec.to_json()
     return {
         "format": np.array(FORMAT),
         "task": np.array(spec.name),
-        "parameters": snapshot.greedy[None],
+        "parameters": parameters[None],
         "layer_sizes": np.array(sizes, np.int64),
         "activations": np.array(["relu"] * (len(sizes) - 2) + ["tanh"]),
         "layout": np.array(LAYOUT),

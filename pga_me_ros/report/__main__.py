@@ -6,17 +6,18 @@ Of an experiment's folder, or with --compare: systems side by side, with medians
 from __future__ import annotations
 
 import argparse
+import sys
 from collections import defaultdict
 from pathlib import Path
 
 import numpy as np
 
-from pga_me_ros.core.errors import RequestError
-from pga_me_ros.core.program import run_program
+from pga_me_ros.core.storage.stored_run import StoredRun
+from pga_me_ros.errors import RequestError
+from pga_me_ros.process.program import run_program
 from pga_me_ros.report.compared_run import ComparedRun
 from pga_me_ros.report.comparison import Comparison, compare, compare_experiment, is_experiment
 from pga_me_ros.report.comparison_table import comparison_table
-from pga_me_ros.report.stored_run import StoredRun
 
 
 def table(runs: list[StoredRun]) -> str:
@@ -33,7 +34,7 @@ def table(runs: list[StoredRun]) -> str:
         for run in group:
             last = run.metrics[-1]
             rows.append((last.evaluations, last.coverage, last.qd_score, last.max_fitness))
-            lines.append(_line(task, str(run.seed), rows[-1]))
+            lines.append(_line(task, str(run.settings.seed), rows[-1]))
         if len(rows) > 1:
             lines.append(_line(task, "median", tuple(np.median(rows, axis=0))))
     return "\n".join(lines)
@@ -73,6 +74,9 @@ def main() -> int:
                 print(file)
             return
         runs = [StoredRun.load(path) for path in arguments.runs]
+        for run in runs:
+            if run.archive.note:
+                print(f"note: '{run.name}': {run.archive.note}", file=sys.stderr)
         arguments.out.mkdir(parents=True, exist_ok=True)
         print(table(runs))
         for file in draw(runs, arguments.out):

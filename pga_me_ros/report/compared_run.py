@@ -7,20 +7,15 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from pga_me_ros.core.archive import Archive
-from pga_me_ros.core.errors import StorageError
-from pga_me_ros.core.fitness_difference import fitness_differences
-from pga_me_ros.core.reevaluations import Reevaluations
-from pga_me_ros.core.run_directory import REPERTOIRE
-from pga_me_ros.core.storage import Repertoire
+from pga_me_ros.arrays import Float64Array
+from pga_me_ros.core.archive.archive import Archive
+from pga_me_ros.core.storage.reevaluations import fitness_differences
+from pga_me_ros.core.storage.stored_run import StoredRun
+from pga_me_ros.errors import StorageError
 from pga_me_ros.tasks.spec import TaskSpec
 
-FIRST_SYSTEM = "pga_map_elites"
-"""What runs are of that were stored before there was a choice."""
-
-Curve = NDArray[np.float64]
+Curve = Float64Array
 
 
 @dataclass(frozen=True)
@@ -55,38 +50,35 @@ class ComparedRun:
             system: Name of the system; empty takes the run's `algorithm`.
 
         Raises:
-            StorageError: There is none, it is damaged, or it has no generation yet.
+            StorageError: There is no run, it is damaged, or it has no generation yet.
         """
-        file = path / REPERTOIRE if path.is_dir() else path
-        with Repertoire.open(file, read_only=True) as repertoire:
-            info, metrics = repertoire.info, repertoire.metrics()
-            if not metrics:
-                raise StorageError(f"'{file}' has no generation yet; run it for longer first.")
-            spec = TaskSpec.from_json(info.task)
-            lowest = np.array([m.min_fitness for m in metrics])
-            if np.isnan(lowest).any():  # an older program stored it: what is left of it tells
-                lowest = np.append(lowest, repertoire.load_archive().min_fitness)
-            rows = Reevaluations.load(file, info.run_id, spec.descriptor_dim)
+        run = StoredRun.load(path, elites=False)
+        metrics = run.metrics
+        if not metrics:
+            raise StorageError(f"'{run.file}' holds no behavior yet; run it for longer first.")
+        lowest = run.curve("min_fitness")
+        if np.isnan(lowest).any():  # an older program stored it: what is left of it tells
+            lowest = np.append(lowest, run.archive.min_fitness)
         names = ("qd_score", "coverage", "max_fitness")
-        curves = {n: np.array([getattr(m, n) for m in metrics], np.float64) for n in names}
+        curves = {n: run.curve(n) for n in names}
+        differences = fitness_differences(metrics, run.reevaluations)
         return cls(
-            system=system or str(info.settings.get("algorithm", FIRST_SYSTEM)),
-            spec=spec,
-            seed=int(info.settings["seed"]),
-            file=file,
-            evaluations=np.array([m.evaluations for m in metrics], np.float64),
+            system=system or run.settings.algorithm,
+            spec=run.spec,
+            seed=run.settings.seed,
+            file=run.file,
+            evaluations=run.curve("evaluations"),
             lowest_fitness=float(np.nanmin(lowest)),
-            curves={**curves, "fitness_difference": fitness_differences(metrics, rows)},
+            curves={**curves, "fitness_difference": differences},
         )
 
     def load_archive(self) -> Archive:
         """Return the archive after the last generation.
 
         Raises:
-            StorageError: It is damaged.
+            StorageError: The run is damaged.
         """
-        with Repertoire.open(self.file, read_only=True) as repertoire:
-            return repertoire.load_archive()
+        return StoredRun.load(self.file).archive
 
     def at(self, evaluations: Curve, metric: str, offset: float) -> Curve:
         """Return a metric as it was after so many evaluations: that of the last generation within them.

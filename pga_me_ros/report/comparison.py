@@ -9,9 +9,9 @@ from itertools import combinations
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from pga_me_ros.core.errors import RequestError, StorageError
+from pga_me_ros.arrays import Float64Array
+from pga_me_ros.errors import RequestError, StorageError
 from pga_me_ros.experiment.experiment_file import REFERENCE, read_experiment
 from pga_me_ros.experiment.plan import COPY
 from pga_me_ros.report.compared_run import ComparedRun, Curve
@@ -50,7 +50,7 @@ class TaskComparison:
         values = [run.at(at, metric, self.offset)[0] for run in self.systems[system]]
         return np.array([value for value in values if not math.isnan(value)])
 
-    def curve(self, system: str, metric: str) -> tuple[Curve, NDArray[np.float64]]:
+    def curve(self, system: str, metric: str) -> tuple[Curve, Float64Array]:
         """Return evaluations (n,) and the values (runs, n) of a system's runs."""
         runs = self.systems[system]
         grid = runs[0].evaluations
@@ -92,7 +92,7 @@ def compare(
         missing: Runs that should be there but are not, in words.
 
     Raises:
-        RequestError: There is none, a run is there twice, or runs of different tasks have one name.
+        RequestError: There is no run, a run is given twice, or runs of different tasks have one name.
     """
     if not runs:
         first = f"; {len(missing)} are missing, the first: {missing[0]}" if missing else ""
@@ -135,10 +135,10 @@ def is_experiment(path: Path) -> bool:
 
 
 def compare_experiment(folder: Path) -> Comparison:
-    """Compare the finished runs of an experiment; what is not finished is told, not compared.
+    """Compare the finished runs of an experiment; unfinished ones are named, not compared.
 
     Raises:
-        SettingsError: Its file makes no sense.
+        SettingsError: The experiment file is invalid.
         RequestError: No run is finished.
     """
     experiment = read_experiment(folder / COPY)

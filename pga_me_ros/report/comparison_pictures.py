@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import matplotlib as mpl
@@ -9,12 +10,13 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap, Normalize
 from matplotlib.figure import Figure
+from matplotlib.typing import LineStyleType
 
-from pga_me_ros.core.heatmap import ANCHORS, render
+from pga_me_ros.core.archive.heatmap import ANCHORS, draw_heatmap
 from pga_me_ros.report.comparison import METRICS, Comparison, TaskComparison
 from pga_me_ros.report.pictures import label_axes, save
 
-LOOKS = (
+LOOKS: tuple[tuple[str, LineStyleType], ...] = (
     ("#0072b2", "-"),
     ("#e69f00", "--"),
     ("#009e73", "-."),
@@ -23,7 +25,7 @@ LOOKS = (
     ("#d55e00", (0, (3, 1, 1, 1))),
     ("#000000", (0, (1, 1))),
 )
-"""Colour and line by place of the system: colours that the colour-blind tell apart (Okabe and Ito), lines besides."""
+"""Color and line by place of the system: colors that the color-blind tell apart (Okabe and Ito), and lines."""
 
 PIXELS = 480
 
@@ -45,15 +47,15 @@ def draw_curves_compared(comparison: Comparison, folder: Path) -> list[Path]:
     for axes in grid[-1]:
         axes.set_xlabel("evaluations")
     handles = [
-        mpl.lines.Line2D([], [], color=colour, linestyle=line, label=system)
-        for system, (colour, line) in looks.items()
+        mpl.lines.Line2D([], [], color=color, linestyle=line, label=system)
+        for system, (color, line) in looks.items()
     ]
     figure.legend(handles=handles, loc="outside lower center", ncols=min(3, len(handles)))
     return save(figure, folder / "comparison-curves")
 
 
 def _draw_metric(
-    axes: Axes, task: TaskComparison, metric: str, looks: dict[str, tuple[str, object]]
+    axes: Axes, task: TaskComparison, metric: str, looks: Mapping[str, tuple[str, LineStyleType]]
 ) -> None:
     known = False
     for system in task.systems:
@@ -65,11 +67,11 @@ def _draw_metric(
         known = True
         quartiles = np.full((3, len(evaluations)), np.nan)
         quartiles[:, there] = np.quantile(values[:, there], (0.25, 0.5, 0.75), axis=0)
-        colour, line = looks[system]
-        axes.plot(evaluations, quartiles[1], color=colour, linestyle=line, linewidth=1.4)
+        color, line = looks[system]
+        axes.plot(evaluations, quartiles[1], color=color, linestyle=line, linewidth=1.4)
         if len(values) > 1:
             axes.fill_between(
-                evaluations, quartiles[0], quartiles[2], color=colour, alpha=0.2, linewidth=0
+                evaluations, quartiles[0], quartiles[2], color=color, alpha=0.2, linewidth=0
             )
     if not known:
         axes.text(0.5, 0.5, "not evaluated again", transform=axes.transAxes, ha="center")
@@ -78,7 +80,7 @@ def _draw_metric(
 
 
 def draw_archives_compared(comparison: Comparison, folder: Path) -> list[Path]:
-    """Draw an archive of every system side by side, a task a file and one colour scale in each; returns the files."""
+    """Draw an archive of every system side by side, a task a file and one color scale in each; returns the files."""
     files = []
     for task in comparison.tasks:
         files += _draw_archives(task, folder)
@@ -103,7 +105,7 @@ def _draw_archives(task: TaskComparison, folder: Path) -> list[Path]:
     for axes, (system, archive) in zip(grid.flat, archives.items(), strict=False):
         bounds = [*zip(archive.low, archive.high, strict=True), (0.0, 1.0)]
         extent = (*bounds[0], *bounds[1])
-        image = render(archive, PIXELS, low, high)
+        image = draw_heatmap(archive, PIXELS, low, high)
         axes.imshow(image, extent=extent, aspect="auto", interpolation="nearest")
         label_axes(axes, runs[system].spec.descriptor_names)
         # All have the same axes: what they are is said once.
@@ -111,8 +113,8 @@ def _draw_archives(task: TaskComparison, folder: Path) -> list[Path]:
         figure.supylabel(axes.get_ylabel(), fontsize=10)
         axes.set(xlabel="", ylabel="")
         axes.set_title(f"{system}, seed {runs[system].seed}", fontsize=9)
-    colours = LinearSegmentedColormap.from_list("fitness", np.array(ANCHORS) / 255.0)
-    scale = mpl.cm.ScalarMappable(Normalize(low, high), colours)
+    colors = LinearSegmentedColormap.from_list("fitness", np.array(ANCHORS) / 255.0)
+    scale = mpl.cm.ScalarMappable(Normalize(low, high), colors)
     figure.colorbar(scale, ax=grid, label="fitness (sum of rewards)")
     figure.suptitle(f"{task.task}: of each system the run with the median QD-score", fontsize=10)
     return save(figure, folder / f"comparison-{task.task}-archives")

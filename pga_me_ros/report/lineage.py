@@ -9,24 +9,25 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import AutoLocator, MaxNLocator
 
-from pga_me_ros.core.elites import Elite, Operator
+from pga_me_ros.core.archive.elites import Elite
+from pga_me_ros.core.operators import OPERATORS, Operator
+from pga_me_ros.core.storage.stored_run import StoredRun
 from pga_me_ros.report.pictures import label_axes, save
-from pga_me_ros.report.stored_run import StoredRun
 
-LOOKS = {
-    Operator.RANDOM: ("random", "#999999", "D"),
-    Operator.GA: ("GA", "#e69f00", "^"),
-    Operator.PG: ("PG", "#0072b2", "o"),
-    Operator.GREEDY: ("greedy controller", "#000000", "*"),
-    Operator.QUALITY: ("quality", "#56b4e9", "<"),
-    Operator.DIVERSITY: ("diversity", "#009e73", "v"),
-    Operator.IMPORTED: ("imported", "#cc79a7", "s"),
-    Operator.ES_SAMPLE: ("ES sample", "#56b4e9", "v"),
-}
-"""Name, colour and mark by operator: colours that the colour-blind tell apart (Okabe and Ito), and marks besides."""
+COLORS = ("#999999", "#e69f00", "#0072b2", "#000000", "#cc79a7", "#56b4e9", "#d55e00", "#009e73")
+"""Colors that the color-blind tell apart (Okabe and Ito), by operator; more operators than these share them."""
+
+MARKS = ("D", "^", "o", "*", "s", "v", "<", ">")
+"""Marks by operator, so that color is not all that tells them apart."""
 
 BARS = 40
 """About as many bars; each is of one or more whole generations."""
+
+
+def look(operator: int) -> tuple[str, str]:
+    """Return the color and the mark of an operator; no two of 64 operators have both in common."""
+    turn, place = divmod(operator, len(COLORS))
+    return COLORS[place], MARKS[(place + turn) % len(MARKS)]
 
 
 def draw_lineage(run: StoredRun, folder: Path) -> list[Path]:
@@ -39,7 +40,7 @@ def draw_lineage(run: StoredRun, folder: Path) -> list[Path]:
     Returns:
         The files.
     """
-    made: dict[Operator, list[Elite]] = {operator: [] for operator in LOOKS}
+    made: dict[Operator, list[Elite]] = {operator: [] for operator in Operator}
     for elite in run.archive.elites():
         made[elite.operator].append(elite)
     made = {operator: elites for operator, elites in made.items() if elites}
@@ -47,20 +48,28 @@ def draw_lineage(run: StoredRun, folder: Path) -> list[Path]:
     where, when = figure.subplots(1, 2)
     _draw_where(where, run, made)
     _draw_when(when, run, made)
-    shares = ", ".join(f"{len(elites)} {LOOKS[op][0]}" for op, elites in made.items())
+    shares = ", ".join(f"{len(elites)} {OPERATORS[op].title}" for op, elites in made.items())
     figure.suptitle(f"{run.spec.name}: elites by what made them: {shares}", fontsize=10)
-    figure.legend(*where.get_legend_handles_labels(), loc="outside lower center", ncols=len(LOOKS))
+    figure.legend(*where.get_legend_handles_labels(), loc="outside lower center", ncols=len(made))
     return save(figure, folder / f"{run.name}-lineage")
 
 
 def _draw_where(axes: Axes, run: StoredRun, made: dict[Operator, list[Elite]]) -> None:
     """One mark per elite: its first two descriptors, or its only one and its fitness."""
     for operator, elites in made.items():
-        name, colour, mark = LOOKS[operator]
+        color, mark = look(operator)
         points = np.array([elite.descriptor for elite in elites])
         y = points[:, 1] if points.shape[1] > 1 else np.array([e.fitness for e in elites])
         size = 60 if operator is Operator.GREEDY else 12
-        axes.scatter(points[:, 0], y, s=size, color=colour, marker=mark, label=name, linewidth=0)
+        axes.scatter(
+            points[:, 0],
+            y,
+            s=size,
+            color=color,
+            marker=mark,
+            label=OPERATORS[operator].title,
+            linewidth=0,
+        )
     label_axes(axes, run.spec.descriptor_names[:2])
     if run.archive.dimensions == 1:
         axes.set_ylabel("fitness (sum of rewards)")
@@ -76,7 +85,7 @@ def _draw_when(axes: Axes, run: StoredRun, made: dict[Operator, list[Elite]]) ->
         [[elite.evaluation for elite in elites] for elites in made.values()],
         bins=edges,
         stacked=True,
-        color=[LOOKS[operator][1] for operator in made],
+        color=[look(operator)[0] for operator in made],
     )
     axes.set_xlabel("made in evaluation")
     axes.yaxis.set_major_locator(MaxNLocator(integer=True))

@@ -11,8 +11,8 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap, Normalize
 from matplotlib.figure import Figure
 
-from pga_me_ros.core.heatmap import ANCHORS, render
-from pga_me_ros.report.stored_run import StoredRun
+from pga_me_ros.core.archive.heatmap import ANCHORS, draw_heatmap
+from pga_me_ros.core.storage.stored_run import StoredRun
 
 CURVES = (
     ("qd_score", "QD-score (sum of fitness)"),
@@ -20,7 +20,7 @@ CURVES = (
     ("max_fitness", "best fitness"),
 )
 FORMATS = ("png", "svg")
-COLOUR = "#28708c"
+COLOR = "#28708c"
 PIXELS = 960
 
 mpl.use("Agg")
@@ -43,7 +43,9 @@ def draw_archive(run: StoredRun, folder: Path) -> list[Path]:
     axes = figure.add_subplot()
     low, high = run.archive.low, run.archive.high
     extent = (low[0], high[0], *((low[1], high[1]) if len(low) > 1 else (0.0, 1.0)))
-    axes.imshow(render(run.archive, PIXELS), extent=extent, aspect="auto", interpolation="nearest")
+    axes.imshow(
+        draw_heatmap(run.archive, PIXELS), extent=extent, aspect="auto", interpolation="nearest"
+    )
     label_axes(axes, run.spec.descriptor_names)
     last = run.metrics[-1]
     axes.set_title(
@@ -52,8 +54,9 @@ def draw_archive(run: StoredRun, folder: Path) -> list[Path]:
         fontsize=10,
     )
     fitness = run.archive.fitness[run.archive.filled]
-    colours = LinearSegmentedColormap.from_list("fitness", np.array(ANCHORS) / 255.0)
-    scale = mpl.cm.ScalarMappable(Normalize(fitness.min(), fitness.max()), colours)
+    colors = LinearSegmentedColormap.from_list("fitness", np.array(ANCHORS) / 255.0)
+    least, most = (fitness.min(), fitness.max()) if len(fitness) else (0.0, 1.0)
+    scale = mpl.cm.ScalarMappable(Normalize(least, most), colors)
     figure.colorbar(scale, ax=axes, label="fitness (sum of rewards)")
     return save(figure, folder / f"{run.name}-archive")
 
@@ -74,9 +77,9 @@ def draw_curves(runs: Sequence[StoredRun], folder: Path) -> list[Path]:
     for axes, (name, label) in zip(figure.subplots(1, len(CURVES)), CURVES, strict=True):
         curves = np.stack([run.curve(name)[:length] for run in runs])
         first, median, third = np.quantile(curves, (0.25, 0.5, 0.75), axis=0)
-        axes.plot(evaluations, median, color=COLOUR)
+        axes.plot(evaluations, median, color=COLOR)
         if len(runs) > 1:
-            axes.fill_between(evaluations, first, third, color=COLOUR, alpha=0.25, linewidth=0)
+            axes.fill_between(evaluations, first, third, color=COLOR, alpha=0.25, linewidth=0)
         axes.set_xlabel("evaluations")
         axes.set_ylabel(label)
         axes.grid(alpha=0.3)

@@ -1,1 +1,6 @@
 """The glue between ROS 2 and the core: conversions, quality of service, parameters, start and shutdown."""
+
+from pga_me_ros.ros.middleware import require_middleware
+
+# Here, before any module of this package imports rclpy, which would end the process.
+require_middleware()

@@ -4,24 +4,27 @@ from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import rclpy
-from rclpy._rclpy_pybind11 import RCLError, RCLInvalidROSArgsError, UnknownROSArgsError
+import yaml
+from rclpy._rclpy_pybind11 import UnknownROSArgsError
 from rclpy.logging import LoggingSeverity, get_logger_level, set_logger_level
 
-from pga_me_ros.core.errors import SettingsError, nearest_name
+from pga_me_ros.errors import SettingsError, nearest_name
+from pga_me_ros.process.streams import tell
 from pga_me_ros.ros.environment import prepare_environment
 from pga_me_ros.ros.memory import set_malloc_limits
 from pga_me_ros.ros.parameter_help import parameter_list
-from pga_me_ros.ros.params_file import matches, sections
+from pga_me_ros.ros.params_file import entries, matches
 
 HELP = ("-h", "--help")
 REMAP = ("-r", "--remap")
+PARAM = ("-p", "--param")
 
 
 @dataclass(frozen=True)
@@ -48,7 +51,7 @@ class Program:
 
 
 def start(program: Program, args: Sequence[str] | None = None, **options: Any) -> bool:
-    """Check the command line, then initialise ROS 2; or print the help that it asks for.
+    """Check the command line, then initialize ROS 2; or print the help that it asks for.
 
     Args:
         program: The executable.
@@ -56,23 +59,23 @@ def start(program: Program, args: Sequence[str] | None = None, **options: Any) -
         options: More arguments of ``rclpy.init``.
 
     Returns:
-        Whether ROS 2 was initialised and the node is to run.
+        Whether ROS 2 was initialized and the node is to run.
 
     Raises:
         SettingsError: An argument, a params file or the environment is wrong.
     """
     args = list(sys.argv[1:] if args is None else args)
     if any(word in HELP for word in args):
-        print(program.help(), end="")
+        tell(program.help(), end="")
         return False
     check(program, args)
     prepare_environment()
     set_malloc_limits()
-    # What rcl logs about bad arguments comes again with the error, where it can be put into words.
-    set_logger_level("rcl", LoggingSeverity.FATAL)
     try:
+        # What rcl logs about bad arguments comes again with the error, where it can be put into words.
+        set_logger_level("rcl", LoggingSeverity.FATAL)
         rclpy.init(args=[program.name, *args], **options)
-    except (RCLError, RCLInvalidROSArgsError, UnknownROSArgsError) as error:
+    except RuntimeError as error:
         raise SettingsError(_in_words(error)) from None
     finally:
         if get_logger_level("rcl") == LoggingSeverity.FATAL:
@@ -96,12 +99,19 @@ def check(program: Program, args: Sequence[str]) -> None:
     node = node_name(program, args)
     for flag, value in pairwise(args):
         if flag == "--params-file":
-            found = sections(Path(value))
-            if not any(matches(section, node) for section in found):
+            found = entries(Path(value))
+            if not any(matches(section, node) for section, _ in found):
+                only = ", ".join(section for section, _ in found)
                 raise SettingsError(
-                    f"Params file '{value}' has nothing for node '{node}', only for {', '.join(found)}; "
+                    f"Params file '{value}' has nothing for node '{node}', only for {only}; "
                     "name its section '/**' or leave the file out."
                 )
+            for section, values in found:
+                if matches(section, node):
+                    _refuse_empty_lists(values)
+        elif flag in PARAM:
+            name, _, text = value.rpartition(":=")
+            _refuse_empty_lists({name.rpartition(":")[2]: _yaml(text)})
 
 
 def node_name(program: Program, args: Sequence[str]) -> str:
@@ -123,6 +133,26 @@ def remappings(args: Sequence[str]) -> list[str]:
         if flag in REMAP and not re.fullmatch(r"(?:[^:]+:)?__(ns|node|name):=.*", rule):
             found += [flag, rule]
     return found
+
+
+def _refuse_empty_lists(values: Mapping[str, Any]) -> None:
+    """Refuse empty lists: they have no type, and rclpy ends with a traceback that does not name the parameter.
+
+    Raises:
+        SettingsError: There is one.
+    """
+    for name, value in values.items():
+        if value == []:
+            raise SettingsError(
+                f"{name} is an empty list, which ROS 2 cannot pass on; leave it out, or give it entries."
+            )
+
+
+def _yaml(text: str) -> Any:
+    try:
+        return yaml.safe_load(text)
+    except yaml.YAMLError:
+        return None  # rcl says what is wrong with it
 
 
 def _outside_ros_args(args: Sequence[str]) -> list[str]:

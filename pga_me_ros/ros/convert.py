@@ -10,6 +10,7 @@ import array
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -19,17 +20,19 @@ from pga_me_msgs.msg import Behavior, Controller, CriticSnapshot, Rates, Transit
 from pga_me_msgs.msg import Metrics as MetricsMsg
 from sensor_msgs.msg import Image
 
-from pga_me_ros.core.elites import Elite, Operator
-from pga_me_ros.core.errors import RequestError, SettingsError
-from pga_me_ros.core.metrics import Metrics
-from pga_me_ros.core.policy import MlpShape
-from pga_me_ros.core.reevaluations import Statistics
-from pga_me_ros.core.repertoire_arrays import LAYOUT
-from pga_me_ros.core.run_info import RunInfo
+from pga_me_ros.arrays import BoolArray, Float32Array, Float64Array, Int64Array
+from pga_me_ros.core.archive.elites import Elite
+from pga_me_ros.core.archive.metrics import Metrics
+from pga_me_ros.core.networks.mlp import MlpShape
+from pga_me_ros.core.operators import Operator
 from pga_me_ros.core.settings import RATES, Settings
-from pga_me_ros.core.snapshot import Snapshot
-from pga_me_ros.tasks.protocol import TaskSpec
+from pga_me_ros.core.snapshot import Network, Snapshot
+from pga_me_ros.core.storage.npz import LAYOUT
+from pga_me_ros.core.storage.reevaluations import Statistics
+from pga_me_ros.core.storage.run_info import RunInfo
+from pga_me_ros.errors import RequestError, SettingsError
 from pga_me_ros.tasks.rollout import Episode
+from pga_me_ros.tasks.spec import TaskSpec
 
 MOST_LAYERS = 100
 """Layers of a network in a message; a list of millions would be turned into Python numbers before it is refused."""
@@ -46,7 +49,7 @@ def flat(values: Any, typecode: str) -> array.array[Any]:
         typecode: ``'f'``, ``'d'`` or ``'q'`` for float32, float64 or int64 fields.
     """
     out = array.array(typecode)
-    out.frombytes(np.ascontiguousarray(values, dtype=typecode).view(np.uint8))
+    out.frombytes(np.ascontiguousarray(values, dtype=typecode).view(np.uint8).data)
     return out
 
 
@@ -70,7 +73,7 @@ def layers_from_msg(sizes: Sequence[int], name: str) -> MlpShape:
     """Return the layers of a network from a message's field.
 
     Raises:
-        RequestError: They are more than any network here has.
+        RequestError: There are more layers than any network here has.
     """
     if len(sizes) > MOST_LAYERS:
         raise RequestError(f"Field '{name}' has {len(sizes)} entries; expected one per layer.")
@@ -81,7 +84,7 @@ def finite(values: Any, name: str) -> Any:
     """Return an array or a number unless it holds NaN or infinity.
 
     Raises:
-        RequestError: It does.
+        RequestError: The values hold NaN or infinity.
     """
     if not np.isfinite(values).all():
         raise RequestError(
@@ -92,7 +95,7 @@ def finite(values: Any, name: str) -> Any:
 
 def rates_to_msg(settings: Settings) -> Rates:
     """Return the rates in force as a message."""
-    return Rates(**{name: getattr(settings, name) for name in RATES})
+    return Rates(**settings.rates)
 
 
 def with_rates(settings: Settings, msg: Rates) -> Settings:
@@ -102,7 +105,7 @@ def with_rates(settings: Settings, msg: Rates) -> Settings:
         RequestError: A rate is out of its range.
     """
     try:
-        return settings.replace(**{name: getattr(msg, name) for name in RATES})
+        return settings.with_rates({name: getattr(msg, name) for name in RATES})
     except SettingsError as error:
         raise RequestError(str(error)) from None
 
@@ -158,19 +161,16 @@ def episode_from_msg(msg: Transitions, spec: TaskSpec) -> Episode:
 def snapshot_to_msg(snapshot: Snapshot, run_id: str) -> CriticSnapshot:
     """Return a critic snapshot as a message."""
     msg = CriticSnapshot(run_id=run_id, generation=snapshot.generation, version=snapshot.version)
-    if snapshot.critic_shape:
-        msg.critic_sizes = flat(snapshot.critic_shape.sizes, "q")
-    msg.critic = flat(snapshot.critic, "f")
-    if snapshot.diversity_critic is not None:
-        msg.diversity_critic = flat(snapshot.diversity_critic, "f")
-    msg.greedy_sizes = flat(snapshot.greedy_shape.sizes, "q")
-    msg.greedy = flat(snapshot.greedy, "f")
+    msg.networks = list(snapshot.networks)
+    layers = [shape.sizes for shape, _ in snapshot.networks.values()]
+    msg.layer_counts = flat([len(sizes) for sizes in layers], "q")
+    msg.layer_sizes = flat(list(chain.from_iterable(layers)), "q")
+    parameters = [parameters for _, parameters in snapshot.networks.values()]
+    msg.parameters = flat(np.concatenate(parameters) if parameters else (), "f")
     msg.n_batches, msg.n_grad, msg.batch_size, msg.observation_dim = snapshot.states.shape
     msg.states = flat(snapshot.states, "f")
     msg.transitions = snapshot.transitions
     msg.critic_loss, msg.mean_q = snapshot.critic_loss, snapshot.mean_q
-    if snapshot.center is not None:
-        msg.center = flat(snapshot.center, "f")
     return msg
 
 
@@ -178,40 +178,47 @@ def snapshot_from_msg(msg: CriticSnapshot) -> Snapshot:
     """Return the snapshot of a message.
 
     Raises:
-        RequestError: Its dimensions do not fit its arrays, or a number is not finite.
-        NetworkError: Its parameters do not fit its layers.
+        RequestError: Its dimensions do not fit its arrays, two networks share a name, or a state is not finite.
+        NetworkError: A network's parameters do not fit its layers or are not finite.
     """
-    critic_shape = (
-        layers_from_msg(msg.critic_sizes, "critic_sizes") if len(msg.critic_sizes) else None
-    )
-    greedy_shape = layers_from_msg(msg.greedy_sizes, "greedy_sizes")
     states_shape = (msg.n_batches, msg.n_grad, msg.batch_size, msg.observation_dim)
-    snapshot = Snapshot(
+    return Snapshot(
         generation=msg.generation,
         version=msg.version,
-        critic_shape=critic_shape,
-        critic=np.array(msg.critic, np.float32),
-        greedy_shape=greedy_shape,
-        greedy=np.array(msg.greedy, np.float32),
+        networks=_networks(msg),
         states=finite(shaped(msg.states, states_shape, np.float32, "states"), "states"),
         transitions=msg.transitions,
         critic_loss=msg.critic_loss,
         mean_q=msg.mean_q,
-        center=np.array(msg.center, np.float32) if len(msg.center) else None,
-        diversity_critic=np.array(msg.diversity_critic, np.float32)
-        if len(msg.diversity_critic)
-        else None,
     )
-    if critic_shape:
-        critic_shape.check(snapshot.critic)
-        if snapshot.diversity_critic is not None:
-            critic_shape.check(snapshot.diversity_critic)
-    elif snapshot.critic.size or snapshot.diversity_critic is not None:
-        raise RequestError("Field 'critic' has entries, but 'critic_sizes' has none.")
-    greedy_shape.check(snapshot.greedy)
-    if snapshot.center is not None:
-        greedy_shape.check(snapshot.center)
-    return snapshot
+
+
+def _networks(msg: CriticSnapshot) -> dict[str, Network]:
+    """Return the networks of a snapshot's message, by name; see `snapshot_from_msg`."""
+    names, counts = msg.networks, msg.layer_counts
+    if len(names) != len(counts) or len(names) != len(set(names)):
+        raise RequestError(
+            f"Fields 'networks' and 'layer_counts' have {len(names)} and {len(counts)} entries, "
+            f"{len(set(names))} names differ; expected one of each per network, and different names."
+        )
+    if sum(counts) != len(msg.layer_sizes) or min(counts, default=0) < 0:
+        raise RequestError(
+            f"Field 'layer_sizes' has {len(msg.layer_sizes)} entries, but 'layer_counts' adds up to {sum(counts)}."
+        )
+    parameters = np.array(msg.parameters, np.float32)
+    networks: dict[str, Network] = {}
+    layer = first = 0
+    for name, count in zip(names, counts, strict=True):
+        shape = layers_from_msg(msg.layer_sizes[layer : layer + count], "layer_sizes")
+        own = parameters[first : first + shape.parameter_count].copy()
+        shape.check(own)
+        networks[name] = (shape, own)
+        layer, first = layer + count, first + shape.parameter_count
+    if first != len(parameters):
+        raise RequestError(
+            f"Field 'parameters' has {len(parameters)} entries, but the layers take {first}."
+        )
+    return networks
 
 
 def metrics_to_msg(metrics: Metrics | None, info: RunInfo, cells: int) -> MetricsMsg:
@@ -271,9 +278,7 @@ def behavior_to_msg(elite: Elite, known: Statistics | None = None) -> Behavior:
     return msg
 
 
-def controller_to_msg(
-    parameters: NDArray[np.float32], shape: MlpShape, spec: TaskSpec
-) -> Controller:
+def controller_to_msg(parameters: Float32Array, shape: MlpShape, spec: TaskSpec) -> Controller:
     """Return a controller as a message that can be run without anything else."""
     msg = Controller(task=spec.name, layout=LAYOUT, control_period=float(spec.control_period))
     msg.layer_sizes = flat(shape.sizes, "q")
@@ -289,7 +294,7 @@ def controller_to_msg(
 
 
 @dataclass(frozen=True)
-class Evaluated:
+class EvaluatedChunk:
     """Results of a chunk of evaluations.
 
     Attributes:
@@ -299,19 +304,19 @@ class Evaluated:
         terminated: (n,) bool.
     """
 
-    fitness: NDArray[np.float64]
-    descriptors: NDArray[np.float64]
-    steps: NDArray[np.int64]
-    terminated: NDArray[np.bool_]
+    fitness: Float64Array
+    descriptors: Float64Array
+    steps: Int64Array
+    terminated: BoolArray
 
 
-def evaluated_from_msg(msg: Any, n: int, descriptor_dim: int) -> Evaluated:
+def evaluated_from_msg(msg: Any, n: int, descriptor_dim: int) -> EvaluatedChunk:
     """Read fitness, descriptors, steps and terminated of n solutions from a request or response.
 
     Raises:
         RequestError: A field has the wrong length or holds NaN or infinity.
     """
-    return Evaluated(
+    return EvaluatedChunk(
         fitness=finite(shaped(msg.fitness, (n,), np.float64, "fitness"), "fitness"),
         descriptors=finite(
             shaped(msg.descriptors, (n, descriptor_dim), np.float64, "descriptors"), "descriptors"

@@ -122,12 +122,12 @@ def silent(name: str, run_id: str, seconds: float) -> DiagnosticStatus:
     Args:
         name: Full name of the node.
         run_id: Id of its run.
-        seconds: Time since its last sign of life.
+        seconds: Time since its last heartbeat.
     """
     return DiagnosticStatus(
         level=DiagnosticStatus.STALE,
         name=name,
-        message=f"no sign of life for {seconds:.0f} s",
+        message=f"no heartbeat for {seconds:.0f} s",
         hardware_id=run_id,
     )
 

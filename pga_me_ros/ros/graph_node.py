@@ -1,4 +1,4 @@
-"""What all nodes of the graph share: signs of life, and services that refuse bad requests in words."""
+"""What all nodes of the graph share: heartbeats, and services that refuse bad requests in words."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from rclpy._rclpy_pybind11 import RCLError
 from rclpy.qos import QoSProfile, qos_profile_services_default
 from rclpy.service import Service
 
-from pga_me_ros.core.errors import PgaError, RequestError
+from pga_me_ros.errors import PgaError, RequestError
 from pga_me_ros.ros import names, qos
 from pga_me_ros.ros.diagnostics import Diagnostics
 from pga_me_ros.ros.refusals import CalmRefusals, printable
@@ -23,7 +23,7 @@ from pga_me_ros.ros.shield import shield
 from pga_me_ros.ros.spinning import EndingNode
 
 HEARTBEAT = 1.0
-"""Seconds between two signs of life."""
+"""Seconds between two heartbeats."""
 
 LONGEST_ANSWER = 2000
 """Characters of a refusal that are sent back: enough for every cause, whatever the request held."""
@@ -114,7 +114,7 @@ class GraphNode(EndingNode):
             if response is not None:  # else the node is ending, and who waits asks the next one
                 send(response, header)
 
-        service.send_response = answer
+        setattr(service, "send_response", answer)  # noqa: B010, a method of rclpy's
         return service
 
     def check_run(self, run_id: str, ours: str) -> None:
@@ -130,7 +130,7 @@ class GraphNode(EndingNode):
             )
 
     def destroy_node(self) -> None:
-        """Stop the signs of life, then destroy the node."""
+        """Stop the heartbeat, then destroy the node."""
         self._ended.set()
         if self._heart.is_alive():
             self._heart.join()

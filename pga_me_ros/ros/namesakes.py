@@ -12,14 +12,14 @@ from rclpy._rclpy_pybind11 import RCLError
 from rclpy.exceptions import NameValidationException
 from rclpy.node import Node
 
-from pga_me_ros.core.errors import PgaError
+from pga_me_ros.errors import PgaError
 from pga_me_ros.ros import names, qos
 from pga_me_ros.ros.refusals import printable
 from pga_me_ros.ros.spinning import EndingNode
 
 LISTEN = 4.0
 """Seconds in which a living namesake is heard. Mostly two nodes find each other at once, but every few times what one
-says of itself comes too early for the other, and Fast DDS repeats it after up to 3 s. Then the next sign of life has to
+says of itself comes too early for the other, and Fast DDS repeats it after up to 3 s. Then the next heartbeat has to
 come, one every second."""
 
 LISTEN_ON = 5.0
@@ -37,7 +37,7 @@ def leave_to_elders(
 
     Args:
         node: The node, which was started just now.
-        is_namesake: Whether a sign of life, of any process but this one, is that of a namesake.
+        is_namesake: Whether a heartbeat from another process is that of a namesake.
         advice: What the user can do.
     """
     start = time.monotonic()

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import Field, fields
 from typing import Any
 
-from pga_me_ros.core.setting_field import INT64_MAX
+from pga_me_ros.core.settings.field import INT64_MAX
 
 WIDTH = 96
 """Columns of the help."""
@@ -17,7 +17,7 @@ def parameter_list(*kinds: type) -> str:
     """Return one paragraph per parameter: name, default, range, unit, symbol, description.
 
     Args:
-        kinds: Dataclasses whose fields were made by `pga_me_ros.core.setting_field.setting`.
+        kinds: Dataclasses whose fields were made by `pga_me_ros.core.settings.field.setting`.
     """
     return "".join(
         f"  {_heading(f)}\n{textwrap.fill(f.metadata['description'], WIDTH, **_INDENTED)}\n"

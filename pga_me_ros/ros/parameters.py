@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import Field, fields
-from typing import Any
+from pathlib import Path
+from typing import Any, cast
 
 from rcl_interfaces.msg import (
     FloatingPointRange,
@@ -15,9 +16,10 @@ from rcl_interfaces.msg import (
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from pga_me_ros.core.errors import PgaError, SettingsError, nearest_name
-from pga_me_ros.core.setting_field import checked_value
 from pga_me_ros.core.settings import Settings
+from pga_me_ros.core.settings.field import checked_value
+from pga_me_ros.core.storage.files import require_reachable
+from pga_me_ros.errors import PgaError, SettingsError, nearest_name
 
 ROS_OWN = ("use_sim_time", "start_type_description_service")
 """Parameters that rclpy declares by itself."""
@@ -33,15 +35,16 @@ def declare(
 
     Args:
         node: Node to declare on.
-        kinds: Dataclasses whose fields were made by `pga_me_ros.core.setting_field.setting`.
-        shared: Dataclasses with parameters of other nodes: passed over, so that one YAML file serves all.
+        kinds: Dataclasses whose fields were made by `pga_me_ros.core.settings.field.setting`.
+        shared: Dataclasses with parameters of other nodes: ignored, so that one YAML file serves all nodes.
         fixed: Whether rates are read-only, too, as where they come with each request.
 
     Returns:
         Checked values by name.
 
     Raises:
-        SettingsError: A given name is unknown, or a value has the wrong type or is out of range.
+        SettingsError: A given name is unknown, a value has the wrong type or is out of range, or a path cannot be
+            reached.
     """
     known, values = _checked(node, kinds, shared)
     _declare(node, known, values, fixed=fixed)
@@ -52,7 +55,9 @@ def _checked(
     node: Node, kinds: tuple[type, ...], shared: tuple[type, ...] = ()
 ) -> tuple[dict[str, Field[Any]], dict[str, Any]]:
     """Take what was given to a node from it; return fields and checked values by name, see `declare`."""
-    given = {n: p.value for n, p in node.get_parameters_by_prefix("").items() if not _own(n)}
+    # rclpy annotates this with the types of values, but returns parameters.
+    parameters = cast(Mapping[str, Parameter], node.get_parameters_by_prefix(""))
+    given = {n: p.value for n, p in parameters.items() if not _own(n)}
     known = {f.name: f for kind in kinds for f in fields(kind)}
     others = {f.name for kind in shared for f in fields(kind)}
     for name in given:
@@ -62,7 +67,11 @@ def _checked(
                 f"those of '{node.get_name()}', docs/parameters.md all."
             )
         node.undeclare_parameter(name)
-    return known, {name: checked_value(f, given.get(name, f.default)) for name, f in known.items()}
+    values = {name: checked_value(f, given.get(name, f.default)) for name, f in known.items()}
+    for name, f in known.items():
+        if f.metadata["path"] and values[name]:
+            require_reachable(name, Path(values[name]))
+    return known, values
 
 
 def _declare(
@@ -80,7 +89,7 @@ def declare_run(
 ) -> tuple[Settings, dict[str, Any]]:
     """Declare the settings of a run and a node's own options; `fixed` as in `declare`.
 
-    Parameters show what is in force: where the system has a default of its own, that one.
+    Parameters show the values in force: the algorithm's own value where the default stands for it.
 
     Returns:
         The settings, and the options by name.
@@ -116,7 +125,7 @@ def descriptor(f: Any) -> ParameterDescriptor:
 
 
 def on_change(
-    node: Node, check: Callable[[dict[str, Any]], None], apply: Callable[[dict[str, Any]], None]
+    node: Node, check: Callable[[dict[str, Any]], object], apply: Callable[[dict[str, Any]], None]
 ) -> None:
     """Check changes of rates before they are accepted and hand them on afterwards.
 

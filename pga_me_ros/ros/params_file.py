@@ -9,7 +9,7 @@ from typing import Any
 
 import yaml
 
-from pga_me_ros.core.errors import SettingsError, nearest_name
+from pga_me_ros.errors import SettingsError, nearest_name
 
 PARAMETERS = "ros__parameters"
 
@@ -17,18 +17,23 @@ EXPECTED = "expected a section '/**:' that holds 'ros__parameters:' that holds '
 
 
 def sections(path: Path) -> list[str]:
-    """Return the node names, wildcards included, that a params file has parameters for.
+    """Return the node names, wildcards included, that a params file has parameters for; see `entries`."""
+    return [name for name, _ in entries(path)]
+
+
+def entries(path: Path) -> list[tuple[str, Mapping[str, Any]]]:
+    """Return node names, wildcards included, and the parameters that a params file has for each.
 
     Args:
         path: YAML file in the layout of ROS 2.
 
     Raises:
-        SettingsError: It is missing, unreadable, no YAML, or laid out in another way.
+        SettingsError: The file is missing, unreadable, not YAML, or has another layout.
     """
     content = _read(path)
     if not isinstance(content, Mapping):
         raise SettingsError(f"Params file '{path}' names no node; {EXPECTED}.")
-    return [name for name, _ in _sections(path, content, "")]
+    return _sections(path, content, "")
 
 
 def matches(section: str, node: str) -> bool:
@@ -64,8 +69,10 @@ def _read(path: Path) -> Any:
         ) from None
 
 
-def _sections(path: Path, content: Mapping[Any, Any], inside: str) -> list[tuple[str, Any]]:
-    found: list[tuple[str, Any]] = []
+def _sections(
+    path: Path, content: Mapping[Any, Any], inside: str
+) -> list[tuple[str, Mapping[str, Any]]]:
+    found: list[tuple[str, Mapping[str, Any]]] = []
     for key, value in content.items():
         name = f"{inside}/{key}".replace("//", "/")
         if not isinstance(value, Mapping):

@@ -10,7 +10,8 @@ import rclpy
 from rclpy._rclpy_pybind11 import RCLError
 from rclpy.executors import ExternalShutdownException
 
-from pga_me_ros.core.errors import PgaError
+from pga_me_ros.errors import PgaError
+from pga_me_ros.process.streams import tell
 from pga_me_ros.ros.command_line import Program, start
 from pga_me_ros.ros.spinning import EndingNode, spin
 
@@ -57,14 +58,30 @@ def report(error: Exception, *, starting: bool = True) -> int:
 
     Args:
         error: The error.
-        starting: Whether the node was still starting, when an error of ROS comes from what the user gave.
+        starting: Whether the node was still starting: an error of ROS, of memory or of permissions then comes from what
+            the user gave.
     """
     if isinstance(error, PgaError):
-        print(f"error: {error}", file=sys.stderr, flush=True)
+        tell(f"error: {error}", sys.stderr)
         return EXIT_BAD_INPUT
     if starting and isinstance(error, RCLError):
-        reason = " ".join(str(error).split())
-        print(f"error: ROS 2 could not start: {reason}", file=sys.stderr, flush=True)
+        tell(f"error: ROS 2 could not start: {_one_line(error)}", sys.stderr)
         return EXIT_BAD_INPUT
-    traceback.print_exception(error)
+    if starting and isinstance(error, MemoryError):
+        tell(
+            f"error: memory cannot hold what the settings ask for ({_one_line(error)}); give controller_hidden, "
+            "critic_hidden, cells, batch_size or replay_size less.",
+            sys.stderr,
+        )
+        return EXIT_BAD_INPUT
+    if starting and isinstance(error, PermissionError) and error.filename:
+        tell(
+            f"error: '{error.filename}': {error.strerror}; check path and permissions.", sys.stderr
+        )
+        return EXIT_BAD_INPUT
+    tell("".join(traceback.format_exception(error)), sys.stderr, end="")
     return EXIT_FAULT
+
+
+def _one_line(error: Exception) -> str:
+    return " ".join(str(error).split())

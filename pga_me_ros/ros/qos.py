@@ -32,7 +32,7 @@ ELITES = _reliable(10)
 """One message per generation, and one per request to publish parents again: a listener makes offspring meanwhile."""
 
 STATUS = _reliable(50)
-"""Signs of life of the nodes."""
+"""Heartbeats of the nodes."""
 
 DIAGNOSTICS = _reliable(1)
 """As diagnostic_updater publishes."""

@@ -48,8 +48,8 @@ def _require_sound(request: Any) -> None:
     """Refuse parameters of unknown type, or without a name, before any of the request is carried out.
 
     Raises:
-        TypeError: One has no type that ROS 2 knows.
-        ValueError: One has no name; rclpy would keep it.
+        TypeError: A parameter has a type that ROS 2 does not know.
+        ValueError: A parameter has no name; rclpy would accept it.
     """
     if isinstance(request, (SetParameters.Request, SetParametersAtomically.Request)):
         for parameter in request.parameters:

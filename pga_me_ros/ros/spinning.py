@@ -24,7 +24,7 @@ class EndingNode(Node):
     """A node that can end its own spinning without a word: what a callback raises, the executor logs as a fault.
 
     Attributes:
-        outcome: Why spinning ends, None while it goes on.
+        outcome: Why spinning ends, None while it spins.
     """
 
     outcome: BaseException | None = None

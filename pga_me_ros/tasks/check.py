@@ -13,10 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from pga_me_ros.core.errors import TaskError
+from pga_me_ros.errors import TaskError
 from pga_me_ros.tasks.protocol import NonFiniteActionError
 from pga_me_ros.tasks.registry import load_task
-from pga_me_ros.tasks.rollout import Episode, rollout
+from pga_me_ros.tasks.rollout import LARGEST_REWARD, Episode, rollout
 from pga_me_ros.tasks.spec import TaskSpec
 
 _METHODS = ("reset", "step", "descriptor", "close")
@@ -26,7 +26,7 @@ _STEPS = 60
 def check_task(task_class: Any) -> list[str]:
     """Run a task through what the protocol asks of it.
 
-    Starts the simulator twice and runs a few short episodes with random and zero actions.
+    Starts the simulator twice and runs a few short episodes and a whole one with random and zero actions.
 
     Args:
         task_class: A class that follows `pga_me_ros.tasks.protocol.Task`.
@@ -82,12 +82,14 @@ def _check_first_steps(task: Any) -> list[str]:
     observation, reward, terminated = result
     findings += _check_array("step's observation", observation, spec.observation_dim, np.float32)
     if type(reward) is not float:
+        findings.append(f"step's reward is {_type(reward)}; expected float: convert with float()")
+    elif not abs(reward) <= LARGEST_REWARD:
         findings.append(
-            f"step's reward is {type(reward).__name__}; expected float: convert with float()"
+            f"step's reward is {reward}; expected a finite number within ±{LARGEST_REWARD:.3g} (float32)"
         )
     if type(terminated) is not bool:
         findings.append(
-            f"step's terminated is {type(terminated).__name__}; expected bool: convert with bool()"
+            f"step's terminated is {_type(terminated)}; expected bool: convert with bool()"
         )
     descriptor, finding = _attempt("descriptor()", task.descriptor)
     if finding:
@@ -98,11 +100,11 @@ def _check_first_steps(task: Any) -> list[str]:
 def _check_array(what: str, array: Any, length: int, dtype: type[Any]) -> list[str]:
     expected = f"expected a finite ({length},) {np.dtype(dtype)} array"
     if not isinstance(array, np.ndarray):
-        return [f"{what} is {type(array).__name__}; {expected}"]
+        return [f"{what} is {_type(array)}; {expected}"]
     if array.shape != (length,) or array.dtype != dtype:
         return [f"{what} has shape {array.shape} and dtype {array.dtype}; {expected}"]
     if not np.isfinite(array).all():
-        return [f"{what} holds NaN or infinity; {expected}"]
+        return [f"{what} holds NaN or infinity ({array.tolist()}); {expected}"]
     return []
 
 
@@ -121,14 +123,16 @@ def _check_descriptor(spec: TaskSpec, descriptor: Any) -> list[str]:
 def _check_episodes(task: Any, task_class: type[Any]) -> list[str]:
     """Run equal episodes in a used world and in a fresh one; they must be equal bit for bit."""
     runs: dict[str, Episode] = {}
-    for name, seed in (("first", 1), ("other", 2), ("zero", 3), ("again", 1)):
-        episode, finding = _attempt("an episode", partial(_episode, task, seed))
+    whole: int = task.spec.max_steps
+    plays = (("first", 1, _STEPS), ("other", 2, _STEPS), ("zero", 3, whole), ("again", 1, _STEPS))
+    for name, seed, limit in plays:
+        episode, finding = _attempt("an episode", partial(_episode, task, seed, limit))
         if episode is None:
             return [finding]
         runs[name] = episode
     findings = _check_descriptor(task.spec, runs["other"].descriptor)
     findings += _check_step_descriptor(task.spec, runs["other"])
-    if not _equal(runs["first"], runs["again"]):
+    if runs["first"] != runs["again"]:
         findings.append(
             "equal generators and actions gave different episodes after others had run; let reset "
             "restore everything and draw from its rng alone"
@@ -140,7 +144,7 @@ def _check_episodes(task: Any, task_class: type[Any]) -> list[str]:
         episode, finding = _attempt("an episode of a second task", lambda: _episode(fresh, 1))
         if episode is None:
             findings.append(finding)
-        elif not _equal(runs["first"], episode):
+        elif runs["first"] != episode:
             findings.append(
                 "equal generators and actions gave different episodes in two tasks of one process; "
                 "share no state between them and draw no randomness outside reset's rng"
@@ -172,7 +176,7 @@ def _check_step_descriptor(spec: TaskSpec, episode: Episode) -> list[str]:
     ]
 
 
-def _episode(task: Any, seed: int) -> Episode:
+def _episode(task: Any, seed: int, limit: int = _STEPS) -> Episode:
     spec: TaskSpec = task.spec
     actions = _rng(100 + seed)
     low, high = np.array(spec.action_low), np.array(spec.action_high)
@@ -181,25 +185,18 @@ def _episode(task: Any, seed: int) -> Episode:
     def controller(_: Any) -> Any:
         return (amplitude * actions.uniform(low, high)).astype(np.float32)
 
-    return rollout(task, controller, _rng(seed), min(spec.max_steps, _STEPS))
-
-
-def _equal(one: Episode, other: Episode) -> bool:
-    arrays = ("states", "actions", "rewards", "descriptor")
-    return (one.fitness, one.terminated) == (other.fitness, other.terminated) and all(
-        np.array_equal(getattr(one, name), getattr(other, name)) for name in arrays
-    )
+    return rollout(task, controller, _rng(seed), min(spec.max_steps, limit))
 
 
 def _check_non_finite_actions(task: Any) -> list[str]:
-    """A controller that has diverged must be told so, and must not spoil what comes after."""
+    """Check that a NaN action raises the right error and does not change the episodes after it."""
     before = _episode(task, 1)
     task.reset(_rng(4))
     try:
         task.step(np.full(task.spec.action_dim, np.nan, np.float32))
     except NonFiniteActionError:
         pass
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         return [f"step with a NaN action raised {_text(error)}; raise NonFiniteActionError"]
     else:
         return [
@@ -208,7 +205,7 @@ def _check_non_finite_actions(task: Any) -> list[str]:
     after, finding = _attempt("an episode after a NaN action", lambda: _episode(task, 1))
     if after is None:
         return [finding]
-    return [] if _equal(before, after) else ["a NaN action changed the episodes after it"]
+    return [] if before == after else ["a NaN action changed the episodes after it"]
 
 
 def _check_close(task: Any) -> list[str]:
@@ -221,15 +218,21 @@ def _check_close(task: Any) -> list[str]:
 
 
 def _attempt(what: str, call: Callable[[], Any]) -> tuple[Any, str]:
-    """Return what a call gives and "", or None and a finding: a user's task may raise anything."""
+    """Return what a call gives and "", or None and a finding: a user's task may raise anything, or call sys.exit."""
     try:
         return call(), ""
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         return None, f"{what} raised {_text(error)}"
 
 
-def _text(error: Exception) -> str:
+def _text(error: BaseException) -> str:
     return f"{type(error).__name__}: {error}"
+
+
+def _type(value: Any) -> str:
+    """Return the name of a value's type, with its module where that is needed: numpy.bool is not bool."""
+    kind = type(value)
+    return kind.__name__ if kind.__module__ == "builtins" else f"{kind.__module__}.{kind.__name__}"
 
 
 def _rng(seed: int) -> np.random.Generator:

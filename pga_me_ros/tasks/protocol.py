@@ -10,16 +10,10 @@ from __future__ import annotations
 from typing import ClassVar, Protocol
 
 import numpy as np
-import numpy.typing as npt
 
-from pga_me_ros.core.errors import TaskError
+from pga_me_ros.arrays import Float32Array, Float64Array
+from pga_me_ros.errors import TaskError
 from pga_me_ros.tasks.spec import TaskSpec
-
-Float32Array = npt.NDArray[np.float32]
-Float64Array = npt.NDArray[np.float64]
-
-__all__ = ["DivergedError", "Float32Array", "Float64Array", "NonFiniteActionError"]
-__all__ += ["Task", "TaskSpec"]
 
 
 class NonFiniteActionError(TaskError):
@@ -31,7 +25,7 @@ class DivergedError(TaskError):
 
 
 class Task(Protocol):
-    """A simulated robot with a fitness and a behaviour descriptor.
+    """A simulated robot with a fitness and a behavior descriptor.
 
     Contract beyond the signatures:
         * An episode depends on `reset`'s generator and its actions alone, never on what ran before
@@ -81,7 +75,7 @@ class Task(Protocol):
         ...
 
     def descriptor(self) -> Float64Array:
-        """Return the behaviour descriptor of the episode so far.
+        """Return the behavior descriptor of the episode so far.
 
         Returns:
             (descriptor_dim,) float64 array within ``spec.descriptor_low`` and

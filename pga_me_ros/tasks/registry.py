@@ -5,15 +5,15 @@ from __future__ import annotations
 import importlib
 from typing import Any
 
-from pga_me_ros.core.errors import TaskError, nearest_name
+from pga_me_ros.errors import TaskError, nearest_name
 from pga_me_ros.tasks.protocol import Task
 from pga_me_ros.tasks.spec import TaskSpec
 
 BUILT_IN = {
-    "qd_walker": "pga_me_ros.tasks.locomotion:QDWalker",
-    "qd_half_cheetah": "pga_me_ros.tasks.locomotion:QDHalfCheetah",
-    "qd_ant": "pga_me_ros.tasks.locomotion:QDAnt",
-    "qd_hopper": "pga_me_ros.tasks.locomotion:QDHopper",
+    "qd_walker": "pga_me_ros.tasks.bullet.locomotion:QDWalker",
+    "qd_half_cheetah": "pga_me_ros.tasks.bullet.locomotion:QDHalfCheetah",
+    "qd_ant": "pga_me_ros.tasks.bullet.locomotion:QDAnt",
+    "qd_hopper": "pga_me_ros.tasks.bullet.locomotion:QDHopper",
 }
 
 
@@ -54,7 +54,7 @@ def make_task(name: str) -> Task:
     task_class = load_task(name)
     try:
         return task_class()
-    except Exception as error:  # a user's class may raise anything
+    except (Exception, SystemExit) as error:  # a user's class may raise anything
         raise TaskError(
             f"task '{name}' does not start ({type(error).__name__}: {error}); its class is called "
             "without arguments and must return a task that is ready for reset()"
@@ -64,7 +64,7 @@ def make_task(name: str) -> Task:
 def _load_class(name: str, module_path: str, class_name: str) -> type[Any]:
     try:
         module = importlib.import_module(module_path)
-    except Exception as error:  # a user's module may raise anything while it loads
+    except (Exception, SystemExit) as error:  # a user's module may raise anything while it loads
         raise TaskError(
             f"task '{name}': module '{module_path}' does not load "
             f"({type(error).__name__}: {error}); check the spelling and that its package is on "

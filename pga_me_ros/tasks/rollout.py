@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
-from pga_me_ros.core.errors import TaskError
-from pga_me_ros.tasks.protocol import DivergedError, Float32Array, Float64Array, Task
+from pga_me_ros.arrays import Float32Array, Float64Array
+from pga_me_ros.errors import TaskError
+from pga_me_ros.tasks.protocol import DivergedError, Task
+from pga_me_ros.tasks.spec import TaskSpec
+
+LARGEST_REWARD = float(np.finfo(np.float32).max)
+"""Greatest reward of a step, in absolute value: the replay buffer and the messages hold float32."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Episode:
     """What happened in one episode of T steps.
 
-    Transition t is (states[t], actions[t], rewards[t], states[t + 1]).
+    Transition t is (states[t], actions[t], rewards[t], states[t + 1]). The arrays are copies: whoever gave them may use
+    theirs again.
 
     Attributes:
         states: (T + 1, observation_dim) float32, the first from the reset.
@@ -36,6 +41,23 @@ class Episode:
     descriptor: Float64Array
     terminated: bool
 
+    def __post_init__(self) -> None:
+        """Copy what came from users' code, or is a part of a longer array that would be kept in memory with it."""
+        for name in ("states", "actions", "rewards"):
+            object.__setattr__(self, name, np.array(getattr(self, name), np.float32))
+        object.__setattr__(self, "descriptor", np.array(self.descriptor, np.float64))
+
+    def __eq__(self, other: object) -> bool:
+        """Return whether two episodes are equal, bit for bit but for the sign of zeros."""
+        if not isinstance(other, Episode):
+            return NotImplemented
+        return (self.fitness, self.terminated) == (other.fitness, other.terminated) and all(
+            np.array_equal(getattr(self, name), getattr(other, name))
+            for name in ("states", "actions", "rewards", "descriptor")
+        )
+
+    __hash__ = None  # type: ignore[assignment]
+
     @property
     def length(self) -> int:
         """Number of steps T."""
@@ -51,7 +73,7 @@ def rollout(
     """Run one episode.
 
     A simulation that leaves the finite numbers ends the episode as a fall before the step in which
-    it did so.
+    it did so. A reward beyond float32 counts as not finite.
 
     Args:
         task: The task; its earlier episodes do not matter.
@@ -61,39 +83,87 @@ def rollout(
         max_steps: Time limit, steps; the task's by default.
 
     Raises:
-        TaskError: `max_steps` is below 1.
+        TaskError: `max_steps` is below 1, or the task gave an observation or a descriptor of the wrong shape or a
+            descriptor that is not finite, or called sys.exit.
         NonFiniteActionError: The controller gave NaN or infinity. The task's next episode is not
             affected.
-        DivergedError: The task gave NaN or infinity without ending the episode, or in its first
-            step.
+        DivergedError: The task gave NaN, infinity or a reward beyond float32 without ending the
+            episode, or in its first step.
     """
     spec = task.spec
     limit = spec.max_steps if max_steps is None else max_steps
     if limit < 1:
         raise TaskError(f"an episode was given max_steps {limit}; expected at least 1")
+    try:
+        return _episode(task, controller, rng, limit)
+    except SystemExit as error:
+        raise TaskError(
+            f"{spec.name} called sys.exit({error.code!r}) in an episode; raise an exception that says what is wrong"
+        ) from error
+
+
+def _episode(
+    task: Task,
+    controller: Callable[[Float32Array], Float32Array],
+    rng: np.random.Generator,
+    limit: int,
+) -> Episode:
+    spec = task.spec
     states = np.empty((limit + 1, spec.observation_dim), np.float32)
     actions = np.empty((limit, spec.action_dim), np.float32)
     rewards = np.empty(limit, np.float32)
     fitness = 0.0
     terminated = False
-    observation = states[0] = task.reset(rng)
+    observation = task.reset(rng)
+    _put(states, 0, observation, spec)
     length = 0
     while length < limit and not terminated:
         action = actions[length] = controller(observation)
         observation, reward, terminated = task.step(action)
-        if terminated and not (math.isfinite(reward) and np.isfinite(observation).all()):
+        _put(states, length + 1, observation, spec)
+        if not abs(reward) <= LARGEST_REWARD:  # NaN fails every comparison
+            if terminated:
+                break
+            raise DivergedError(
+                f"{spec.name} left the finite numbers of float32: its reward in step {length + 1} is {reward}; a task "
+                "must end the episode (terminated) in the step in which that happens"
+            )
+        if terminated and not np.isfinite(states[length + 1]).all():
             break
         rewards[length] = reward
-        fitness += reward
+        fitness += float(reward)
         length += 1
-        states[length] = observation
     states, actions, rewards = states[: length + 1], actions[:length], rewards[:length]
-    if length == 0 or not (math.isfinite(fitness) and np.isfinite(states).all()):
+    if length == 0 or not np.isfinite(states).all():
         raise DivergedError(
             f"{spec.name} left the finite numbers within {length + 1} steps; a task must end the "
             "episode (terminated) in the step in which that happens, and not begin with it"
         )
-    if length < limit:
-        # Short episodes must not hold the memory of a thousand steps in a replay buffer.
-        states, actions, rewards = states.copy(), actions.copy(), rewards.copy()
-    return Episode(states, actions, rewards, fitness, task.descriptor(), terminated)
+    descriptor = _descriptor(task)
+    return Episode(states, actions, rewards, fitness, descriptor, bool(terminated))
+
+
+def _put(states: Float32Array, step: int, observation: Float32Array, spec: TaskSpec) -> None:
+    """Copy an observation into its row; NumPy alone would fill the row with a single number."""
+    if np.shape(observation) != states.shape[1:]:
+        raise TaskError(
+            f"{spec.name} gave an observation of shape {np.shape(observation)} in step {step}; "
+            f"expected ({spec.observation_dim},)"
+        )
+    states[step] = observation
+
+
+def _descriptor(task: Task) -> Float64Array:
+    """Return the descriptor of the episode, checked.
+
+    Raises:
+        TaskError: Its shape is wrong or a number in it is not finite.
+    """
+    spec = task.spec
+    descriptor = np.array(task.descriptor(), np.float64)
+    if descriptor.shape != (spec.descriptor_dim,) or not np.isfinite(descriptor).all():
+        raise TaskError(
+            f"{spec.name} gave the descriptor {descriptor.tolist()}; expected {spec.descriptor_dim} finite numbers "
+            f"({', '.join(spec.descriptor_names)})"
+        )
+    return descriptor

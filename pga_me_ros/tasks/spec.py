@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from pga_me_ros.core.errors import TaskError, nearest_name
+from pga_me_ros.errors import TaskError, nearest_name
 
 _NAMES = ("observation_names", "action_names", "descriptor_names")
 _UNITS = ("observation_units", "action_units")
@@ -35,12 +35,12 @@ class TaskSpec:
         archive_cells: Default number of cells of a CVT archive.
         archive_bins: Default number of bins per descriptor dimension of a grid archive.
         step_descriptor_names: One observation entry per descriptor dimension, whose mean over an episode's steps is its
-            descriptor; empty if the descriptor is of another kind. System `qd_rl` needs them.
+            descriptor; empty if the descriptor is of another kind. Algorithm `qd_rl` needs them.
         step_descriptor_delay: 0 if the observation that a step returns shows what the step adds to these means, 1 if
             that of the step after it does.
 
     Raises:
-        TaskError: A field has the wrong type or length, or low is not below high.
+        TaskError: A field has the wrong type or length, or low is not below high, or their difference is not finite.
     """
 
     name: str
@@ -146,10 +146,10 @@ class TaskSpec:
     def _check_bounds(self, kind: str) -> None:
         pairs = zip(getattr(self, f"{kind}_low"), getattr(self, f"{kind}_high"), strict=True)
         for index, (low, high) in enumerate(pairs):
-            if not (math.isfinite(low) and math.isfinite(high) and low < high):
+            if not (low < high and math.isfinite(high - low)):
                 raise TaskError(
                     f"TaskSpec.{kind}_low[{index}] is {low} and {kind}_high[{index}] is {high}; "
-                    "expected finite numbers with low < high"
+                    "expected finite numbers with low < high and a finite difference"
                 )
 
     def _check_sizes(self) -> None:

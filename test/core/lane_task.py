@@ -7,9 +7,10 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from pga_me_ros.arrays import Float32Array, Float64Array
 from pga_me_ros.core.search import Search
 from pga_me_ros.core.settings import Settings
-from pga_me_ros.tasks.protocol import Float32Array, Float64Array, NonFiniteActionError
+from pga_me_ros.tasks.protocol import NonFiniteActionError
 from pga_me_ros.tasks.spec import TaskSpec
 
 SETTINGS = Settings(
@@ -114,6 +115,11 @@ class SteeredLane(Lane):
 
     def _observation(self) -> Float32Array:
         return np.array((self._aside, self._drift, self._steering[-1]), np.float32)
+
+
+def settings_of(algorithm: str, **changes: Any) -> Settings:
+    """Return `SETTINGS` for another algorithm, without those that it has no use for, and with some changed."""
+    return Settings.from_stored({**SETTINGS.given, "algorithm": algorithm}).replace(**changes)
 
 
 def grown(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pga_me_ros.core.elites import Operator
+from pga_me_ros.core.operators import Operator
 
 
 def per_operator(**counts: int) -> tuple[int, ...]:

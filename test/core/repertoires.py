@@ -12,11 +12,15 @@ from pathlib import Path
 
 import numpy as np
 
-from pga_me_ros.core.archive import Archive, CvtArchive, Elite, GridArchive, Operator, Solutions
-from pga_me_ros.core.metrics import Metrics, generation_metrics
-from pga_me_ros.core.run_info import RunInfo
+from pga_me_ros.core.archive.archive import Archive
+from pga_me_ros.core.archive.cvt import CvtArchive
+from pga_me_ros.core.archive.elites import Elite, Solutions
+from pga_me_ros.core.archive.grid import GridArchive
+from pga_me_ros.core.archive.metrics import Metrics, generation_metrics
+from pga_me_ros.core.operators import Operator
 from pga_me_ros.core.settings import Settings
-from pga_me_ros.core.storage import Repertoire
+from pga_me_ros.core.storage.repertoire import Repertoire
+from pga_me_ros.core.storage.run_info import RunInfo
 
 HERE = Path(__file__).parent
 ENVIRONMENT = os.environ | {"PYTHONPATH": f"{HERE.parents[1]}{os.pathsep}{HERE}"}

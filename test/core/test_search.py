@@ -10,12 +10,15 @@ from graph_in_small import GraphInSmall
 from lane_task import SETTINGS, Lane, grown
 from operator_counts import per_operator
 
-from pga_me_ros.core.elites import NO_PARENT, Operator
-from pga_me_ros.core.errors import ArchiveError, RequestError
-from pga_me_ros.core.policy import Controller, random_parameters
+from pga_me_ros.core.archive.elites import NO_PARENT
+from pga_me_ros.core.evaluation import evaluation_rng
+from pga_me_ros.core.networks.controller import MlpController
+from pga_me_ros.core.networks.mlp import random_parameters
+from pga_me_ros.core.operators import Operator
 from pga_me_ros.core.rng import Purpose, generator
-from pga_me_ros.core.schedule import evaluation_rng
 from pga_me_ros.core.search import Batch, Search
+from pga_me_ros.core.settings import Settings
+from pga_me_ros.errors import ArchiveError, RequestError
 from pga_me_ros.tasks.rollout import Episode, rollout
 
 BRIEF = SETTINGS.replace(n_crit=10, evaluations=70)
@@ -30,7 +33,7 @@ def whole():
 def evaluated(search: Search, batch: Batch) -> list[Episode]:
     task = Lane()
     return [
-        rollout(task, Controller(search.shape, p), evaluation_rng(search.settings.seed, k))
+        rollout(task, MlpController(search.shape, p), evaluation_rng(search.settings.seed, k))
         for k, p in zip(batch.evaluations, batch.parameters, strict=True)
     ]
 
@@ -115,7 +118,7 @@ def test_episodes_that_do_not_fit_the_batch_are_refused():
         {"greedy_init": "best"},
         {"greedy_takes": "ga"},
         {"pg_batches": "own"},
-        {"archive": "grid"},
+        {"archive": "grid", "cells": Settings.cells, "cvt_samples": Settings.cvt_samples},
         {"line_noise": "tensor"},
         {"terminal": "bootstrap", "discount": 0.9},
         {"target_action": "free", "discount": 0.9},

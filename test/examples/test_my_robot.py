@@ -50,7 +50,7 @@ def test_a_repertoire_of_different_gaits_grows(crawler: Any) -> None:
         cvt_samples=2000,
     )
     search, task = Search(crawler.spec, settings), crawler()
-    metrics = [search.run_generation(task) for _ in range(4)]
+    metrics = [search.run_generation(task) for _ in range(10)]
     task.close()
     assert metrics[-1].coverage > 1.2 * metrics[0].coverage
     assert metrics[-1].max_fitness > metrics[0].max_fitness

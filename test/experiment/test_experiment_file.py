@@ -6,8 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from pga_me_ros.core.errors import RequestError, SettingsError
-from pga_me_ros.core.systems import SYSTEMS
+from pga_me_ros.core.algorithms import ALGORITHMS
+from pga_me_ros.core.settings import Settings
+from pga_me_ros.errors import RequestError, SettingsError
 from pga_me_ros.experiment.__main__ import main
 from pga_me_ros.experiment.experiment_file import read_experiment
 from pga_me_ros.tasks.registry import BUILT_IN
@@ -91,7 +92,7 @@ def test_a_million_may_be_written_as_one_does(tmp_path: Path) -> None:
         ({"tasks": "[qd_walker, qd_crawler]"}, "unknown task 'qd_crawler'"),
         ({"tasks": "[qd_walker, qd_walker]"}, "tasks has 'qd_walker' twice"),
         (
-            {"tasks": "[qd_walker, 'pga_me_ros.tasks.locomotion:QDWalker']"},
+            {"tasks": "[qd_walker, 'pga_me_ros.tasks.bullet.locomotion:QDWalker']"},
             "are both called 'qd_walker'",
         ),
         ({"tasks": "qd_walker"}, "tasks is 'qd_walker' (str); give a list such as [qd_walker]"),
@@ -108,6 +109,14 @@ def test_a_million_may_be_written_as_one_does(tmp_path: Path) -> None:
         ({"settings": "{evaluations: 5}"}, "from the key 'budget'"),
         ({"settings": "{sigma: 5}"}, "Unknown setting 'sigma'"),
         ({"settings": "[5]"}, "settings is [5] (list)"),
+        (
+            {"systems": "[map_elites]", "settings": "{critic_hidden: [8]}"},
+            "settings has critic_hidden, but none of the systems uses it; remove critic_hidden.",
+        ),
+        (
+            {"systems": "{a: {algorithm: map_elites, critic_hidden: [8]}}"},
+            "critic_hidden is (8,), but map_elites doesn't use it; remove critic_hidden.",
+        ),
         ({"seed": "[1]"}, "unknown key 'seed' (did you mean 'seeds'?)"),
         ({"reference": "gaa"}, "reference is 'gaa' (did you mean 'ga'?)"),
         ({"budget": "["}, "is no valid YAML at line"),
@@ -155,11 +164,56 @@ def test_a_cell_that_is_not_there_is_told(tmp_path: Path, word: str) -> None:
         read_experiment(written(tmp_path)).chosen([word])
 
 
+def test_shared_settings_go_to_the_systems_that_use_them(tmp_path: Path) -> None:
+    systems = "{pg: {algorithm: pg_only}, ga: {algorithm: map_elites}, grid: {archive: grid}}"
+    shared = "{critic_hidden: [8], cells: 40}"
+    changes = {"systems": systems, "settings": shared, "reference": None}
+    cells = read_experiment(written(tmp_path, **changes)).cells
+    given = {
+        cell.system: {name for name in ("critic_hidden", "cells") if name in cell.given}
+        for cell in cells
+    }
+    assert given == {"pg": {"critic_hidden", "cells"}, "ga": {"cells"}, "grid": {"critic_hidden"}}
+    assert all(cell.settings.critic_hidden == (8,) for cell in cells if cell.system != "ga")
+
+
 @pytest.mark.parametrize("name", ["paper_small", "paper"])
 def test_the_experiments_of_the_house_are_sound_and_have_all_systems(name: str) -> None:
     experiment = read_experiment(CONFIG / f"{name}.yaml")
-    assert [system.name for system in experiment.systems] == list(SYSTEMS)
+    assert [system.name for system in experiment.systems] == list(ALGORITHMS)
     assert experiment.reference == "pga_map_elites"
     if name == "paper":
         assert (len(experiment.seeds), experiment.budget) == (20, 1_000_000)
         assert experiment.tasks == tuple(BUILT_IN)
+
+
+def test_a_system_that_is_called_like_an_algorithm_is_that_algorithm(tmp_path: Path) -> None:
+    path = written(tmp_path, systems="{map_elites: {iso_sigma: 0.01}, mine: {n_evo: 30}}")
+    cells = read_experiment(path).cells
+    assert [(c.system, c.settings.algorithm) for c in cells[:2]] == [
+        ("map_elites", "map_elites"),
+        ("mine", "pga_map_elites"),
+    ]
+
+
+def test_a_system_cannot_have_the_name_of_another_algorithm(tmp_path: Path) -> None:
+    path = written(tmp_path, systems="{map_elites: {algorithm: td3}}")
+    with pytest.raises(SettingsError, match="system 'map_elites' has the algorithm 'td3'"):
+        read_experiment(path)
+
+
+def test_shared_settings_are_for_the_algorithms_that_use_them(tmp_path: Path) -> None:
+    path = written(
+        tmp_path,
+        systems="[pga_map_elites, map_elites]",
+        settings="{n_crit: 7, controller_hidden: [16, 8]}",
+    )
+    first, second = (cell.settings for cell in read_experiment(path).cells[:2])
+    assert (first.n_crit, first.controller_hidden) == (7, (16, 8))
+    assert (second.n_crit, second.controller_hidden) == (Settings.n_crit, (16, 8))
+
+
+def test_a_setting_of_one_system_that_it_does_not_use_is_refused(tmp_path: Path) -> None:
+    path = written(tmp_path, systems="{map_elites: {n_crit: 7}}")
+    with pytest.raises(SettingsError, match="n_crit is 7, but map_elites doesn't use it"):
+        read_experiment(path)

@@ -16,17 +16,22 @@ import onnxruntime
 import pytest
 import ribs.archives
 import torch
-from numpy.typing import NDArray
 
-from pga_me_ros.core.archive import Archive
-from pga_me_ros.core.policy import Controller, MlpShape
-from pga_me_ros.core.reevaluations import Reevaluations
-from pga_me_ros.core.run_directory import REPERTOIRE
-from pga_me_ros.core.storage import Repertoire
+from pga_me_ros.arrays import Float32Array
+from pga_me_ros.core.archive.archive import Archive
+from pga_me_ros.core.archive.cvt import CvtArchive
+from pga_me_ros.core.archive.elites import Solutions
+from pga_me_ros.core.networks.controller import MlpController
+from pga_me_ros.core.networks.mlp import MlpShape
+from pga_me_ros.core.storage.reevaluations import Reevaluations
+from pga_me_ros.core.storage.repertoire import Repertoire
+from pga_me_ros.core.storage.stored_run import REPERTOIRE, StoredRun
 from pga_me_ros.export.__main__ import main
+from pga_me_ros.export.arrays import write_pyribs
+from pga_me_ros.export.source import Source
 from pga_me_ros.tasks.registry import task_spec
 
-Actions = NDArray[np.float32]
+Actions = Float32Array
 SPEC = task_spec("qd_hopper")
 OBSERVATIONS = np.random.default_rng(1).normal(size=(1000, 15)).astype(np.float32)
 EXTREME = (5.0 * np.sign(OBSERVATIONS)).astype(np.float32)
@@ -42,7 +47,7 @@ def actions(run: Path, cell: int, observations: Actions = OBSERVATIONS) -> Actio
     """Return what our controller of a cell does."""
     with Repertoire.open(run / REPERTOIRE, read_only=True) as repertoire:
         shape = MlpShape(repertoire.info.layer_sizes)
-    controller = Controller(shape, archive_of(run).parameters[cell])
+    controller = MlpController(shape, archive_of(run).parameters[cell])
     return np.stack([controller(observation) for observation in observations])
 
 
@@ -205,7 +210,10 @@ def ribs_archive(file: Path) -> ribs.archives.ArchiveBase:
     data = np.load(file)
     if "dims" in data:
         archive = ribs.archives.GridArchive(
-            solution_dim=data["solution"].shape[1], dims=data["dims"], ranges=data["ranges"]
+            solution_dim=data["solution"].shape[1],
+            dims=data["dims"],
+            ranges=data["ranges"],
+            epsilon=1e-6 * np.ptp(data["ranges"], axis=1),
         )
     else:
         archive = ribs.archives.CVTArchive(
@@ -221,7 +229,8 @@ def ribs_archive(file: Path) -> ribs.archives.ArchiveBase:
 def test_a_pyribs_archive_has_the_same_elites_in_the_same_cells(
     kind: str, hopper_run: Path, new_run: Callable[..., Path], tmp_path: Path
 ) -> None:
-    run = hopper_run if kind == "cvt" else new_run(archive="grid")
+    grid = {"archive": "grid", "cells": None, "cvt_samples": None}
+    run = hopper_run if kind == "cvt" else new_run(**grid)
     theirs = ribs_archive(exported(run, tmp_path / "ribs.npz", "pyribs")).data()
     ours = archive_of(run)
     order = np.argsort(theirs["index"])
@@ -229,6 +238,30 @@ def test_a_pyribs_archive_has_the_same_elites_in_the_same_cells(
     assert theirs["objective"][order].tolist() == ours.fitness[ours.filled].tolist()
     assert theirs["measures"][order].tolist() == ours.descriptors[ours.filled].tolist()
     assert np.array_equal(theirs["solution"][order], ours.parameters[ours.filled])
+
+
+def test_a_pyribs_archive_has_the_same_cells_for_a_descriptor_in_any_units(
+    hopper_run: Path, tmp_path: Path
+) -> None:
+    low, high = np.array([0.0, -500.0]), np.array([1.0, 500.0])
+    rng = np.random.default_rng(2)
+    archive = CvtArchive(rng.uniform(low, high, (50, 2)), low, high, 3)
+    solutions = Solutions.of(
+        fitness=rng.random(200),
+        descriptors=rng.uniform(low, high, (200, 2)),
+        parameters=rng.random((200, 3)),
+        evaluations=range(200),
+    )
+    archive.add(solutions)
+    cells = tuple(archive.filled_cells().tolist())
+    run = StoredRun.load(hopper_run)
+    vars(run)["archive"] = archive  # what it would have read
+    source = Source(run, cells, one=False)
+    write_pyribs(source, tmp_path / "ribs.npz")
+    theirs = ribs_archive(tmp_path / "ribs.npz").data()
+    order = np.argsort(theirs["index"])
+    assert theirs["index"][order].tolist() == list(cells)
+    assert theirs["objective"][order].tolist() == archive.fitness[archive.filled].tolist()
 
 
 def run_program(*words: str, cwd: Path) -> subprocess.CompletedProcess[str]:

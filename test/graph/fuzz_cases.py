@@ -89,7 +89,7 @@ def some_fields(draw: st.DrawFn, types: Mapping[str, str], most: int) -> dict[st
 
 @st.composite
 def status_cases(draw: st.DrawFn, world: World, types: Mapping[str, str]) -> Case:
-    """Draw a sign of life that takes the orchestrator in, as far as somebody can who has listened."""
+    """Draw a heartbeat that takes the orchestrator in, as far as somebody can who has listened."""
     fields = draw(some_fields(types, most=2))
     likely = {
         "kind": ("evaluator", "archive_manager", "critic_trainer", "variation"),

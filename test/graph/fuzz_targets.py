@@ -19,7 +19,8 @@ from fuzz_values import (
     of_length,
 )
 
-from pga_me_ros.core.policy import MlpShape, controller_shape, critic_shape
+from pga_me_ros.core.networks.mlp import MlpShape
+from pga_me_ros.core.networks.shapes import controller_shape, critic_shape
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.ros import names
 from pga_me_ros.ros.convert import rates_to_msg
@@ -236,14 +237,16 @@ def snapshot_target(world: World) -> Target:
     """Return critic/snapshot."""
     s, shape = world.settings, world.shape
     critic = critic_shape(world.spec, s)
+    layers = [*critic.sizes, *shape.sizes]
+    parameters = critic.parameter_count + shape.parameter_count
     states = s.n_grad * s.transition_batch * world.spec.observation_dim
     sound = {
         "run_id": world.run_id,
         "generation": 1,
-        "critic_sizes": array.array("q", critic.sizes),
-        "critic": numbers("f", critic.parameter_count),
-        "greedy_sizes": array.array("q", shape.sizes),
-        "greedy": numbers("f", shape.parameter_count),
+        "networks": ["critic", "greedy"],
+        "layer_counts": array.array("q", [len(critic.sizes), len(shape.sizes)]),
+        "layer_sizes": array.array("q", layers),
+        "parameters": numbers("f", parameters),
         "n_batches": 1,
         "n_grad": s.n_grad,
         "batch_size": s.transition_batch,
@@ -254,21 +257,27 @@ def snapshot_target(world: World) -> Target:
         *ints("n_batches", 0, -1, 2, 2**62),
         *ints("observation_dim", 0, 1, -1, 2**62),
         *ints("batch_size", 0, 1, -5, 2**62),
-        *of_length("critic", "f", critic.parameter_count),
-        *not_finite("critic", "f", critic.parameter_count),
-        # Sound, but in a run of a system without an evolution strategy:
-        ("center", numbers("f", shape.parameter_count)),
-        # Sound, but in a run of a system without diversity:
-        ("diversity_critic", numbers("f", critic.parameter_count)),
-        *of_length("greedy", "f", shape.parameter_count),
-        *not_finite("greedy", "f", shape.parameter_count),
+        *of_length("parameters", "f", parameters),
+        *not_finite("parameters", "f", parameters),
+        # Sound, but not in a run that learns a critic and a greedy controller:
+        ("networks", ["critic", "center"]),
+        ("networks", ["diversity_critic", "greedy"]),
+        ("networks", ["greedy", "critic"]),
+        ("networks", ["critic", "critic"]),
+        ("networks", ["critic"]),
+        ("networks", []),
+        ("networks", ["critic", "greedy", "center"]),
+        *of_length("layer_counts", "q", 2),
+        ("layer_counts", array.array("q", [len(layers) + 1, -1])),
+        ("layer_counts", array.array("q", [2**62, 2**62])),
+        ("layer_counts", array.array("q", [len(layers), 0])),
         *of_length("states", "f", states),
         *not_finite("states", "f", states),
-        ("critic_sizes", array.array("q")),
-        ("critic_sizes", array.array("q", [2**62, 2**62])),
-        ("critic_sizes", numbers("q", 100_000, 1)),
-        ("greedy_sizes", array.array("q", [-1, 4, 1])),
-        ("greedy_sizes", array.array("q", [1])),
+        ("layer_sizes", array.array("q")),
+        ("layer_sizes", array.array("q", [2**62] * len(layers))),
+        ("layer_sizes", numbers("q", 100_000, 1)),
+        ("layer_sizes", array.array("q", [-1, *layers[1:]])),
+        ("layer_sizes", array.array("q", layers[:-1])),
     ]
     return Target(names.SNAPSHOT, sound, tuple(faults))
 

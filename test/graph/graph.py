@@ -9,7 +9,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,8 @@ import rclpy
 from rclpy.context import Context
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 
+from pga_me_ros.core.settings import Settings
+from pga_me_ros.core.settings.rules import RULES, of_other_archives
 from pga_me_ros.ros import qos
 
 DEADLINE = 60.0
@@ -38,6 +40,16 @@ TINY = {
     "serve": False,
 }
 """Parameters of a run that takes seconds and has all parts: 1 generation of random controllers, 2 of variation."""
+
+
+def tiny(**parameters: Any) -> dict[str, Any]:
+    """Return `TINY` with parameters added, without those of it that their algorithm or archive has no use for."""
+    rules = RULES[parameters.get("algorithm", "pga_map_elites")]
+    known = {f.name for f in fields(Settings)}
+    useless = {name for name in TINY if name in known and not rules.uses(name)}
+    if parameters.get("archive") == "grid":
+        useless |= of_other_archives("grid")
+    return {**{n: v for n, v in TINY.items() if n not in useless}, **parameters}
 
 
 def ros_arguments(parameters: Mapping[str, Any]) -> list[str]:
@@ -137,7 +149,7 @@ class Graph:
 
     def run(self, run_dir: Path, *arguments: str, **parameters: Any) -> Started:
         """Start a tiny run; `parameters` are added to `TINY`."""
-        values = {**TINY, "run_dir": run_dir, **parameters}
+        values = tiny(run_dir=run_dir, **parameters)
         return self.start("orchestrator", values, *arguments)
 
     def kill(self) -> None:

@@ -6,12 +6,12 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from graph import TINY
+from graph import TINY, tiny
 
-from pga_me_ros.core.metrics import Metrics
+from pga_me_ros.core.archive.metrics import Metrics
 from pga_me_ros.core.search import Search
 from pga_me_ros.core.settings import Settings
-from pga_me_ros.core.storage import Repertoire
+from pga_me_ros.core.storage.repertoire import Repertoire
 from pga_me_ros.tasks.registry import load_task
 
 ES = {
@@ -19,7 +19,6 @@ ES = {
     "es_samples": 10,
     "batch_size": 11,
     "random_init": 1,
-    "n_evo": 50,
     "es_steps": 2,
 }
 """What MAP-Elites-ES needs on top of `TINY`; it changes from exploit to explore every second generation."""
@@ -40,7 +39,7 @@ def search_metrics(**parameters: Any) -> list[Metrics]:
 
 def run_settings(**parameters: Any) -> Settings:
     """Return the settings of a run; `parameters` of the orchestrator are added to `TINY`."""
-    values = {**TINY, **parameters}
+    values = tiny(**parameters)
     return Settings.from_mapping({n: v for n, v in values.items() if n not in NOT_SETTINGS})
 
 

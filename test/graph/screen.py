@@ -70,7 +70,7 @@ def rows(text: str, columns: int) -> list[str]:
         elif piece == "\x1b[K":
             screen[row] = screen[row][:column]
         elif piece.startswith("\x1b"):
-            continue  # a colour
+            continue  # a color
         else:
             if column == columns:
                 row, column = row + 1, 0

@@ -14,15 +14,17 @@ from domain_coordinator import domain_id
 from graph import Graph, Probe, Started, wait_until
 from pga_me_msgs.srv import GetInfo
 
-from pga_me_ros.core.archive import Archive
-from pga_me_ros.core.elites import Solutions
-from pga_me_ros.core.make_archive import make_archive
-from pga_me_ros.core.metrics import generation_metrics
-from pga_me_ros.core.policy import Controller, controller_shape, random_parameters
-from pga_me_ros.core.run_info import RunInfo
-from pga_me_ros.core.schedule import evaluation_rng
+from pga_me_ros.core.archive.archive import Archive
+from pga_me_ros.core.archive.elites import Solutions
+from pga_me_ros.core.archive.make_archive import make_archive
+from pga_me_ros.core.archive.metrics import generation_metrics
+from pga_me_ros.core.evaluation import evaluation_rng
+from pga_me_ros.core.networks.controller import MlpController
+from pga_me_ros.core.networks.mlp import random_parameters
+from pga_me_ros.core.networks.shapes import controller_shape
 from pga_me_ros.core.settings import Settings
-from pga_me_ros.core.storage import Repertoire
+from pga_me_ros.core.storage.repertoire import Repertoire
+from pga_me_ros.core.storage.run_info import RunInfo
 from pga_me_ros.tasks.registry import load_task, task_spec
 from pga_me_ros.tasks.rollout import Episode, rollout
 
@@ -54,7 +56,7 @@ def episodes(generation: int) -> tuple[Episode, ...]:
     task = load_task("qd_walker")()
     ids = range(B * generation, B * generation + B)
     out = [
-        rollout(task, Controller(SHAPE, p), evaluation_rng(SETTINGS.seed, k))
+        rollout(task, MlpController(SHAPE, p), evaluation_rng(SETTINGS.seed, k))
         for k, p in zip(ids, parameters(generation), strict=True)
     ]
     task.close()

@@ -16,10 +16,11 @@ from pga_me_msgs.srv import AddToArchive, GetBehavior, GetInfo, SampleParents
 from sensor_msgs.msg import Image
 from stored import SETTINGS, B, Served, parameters, served, solutions, store
 
-from pga_me_ros.core.archive import Archive
-from pga_me_ros.core.elites import Operator, Status
-from pga_me_ros.core.storage import Repertoire
-from pga_me_ros.core.systems import system_of
+from pga_me_ros.core.algorithms import algorithm_of
+from pga_me_ros.core.archive.archive import Archive
+from pga_me_ros.core.archive.elites import Status
+from pga_me_ros.core.operators import Operator
+from pga_me_ros.core.storage.repertoire import Repertoire
 from pga_me_ros.ros import names, qos
 from pga_me_ros.ros.convert import flat, rates_to_msg
 
@@ -140,7 +141,7 @@ def test_a_draw_that_makes_no_sense_is_refused(
 
 def test_parents_are_those_that_one_process_draws(growing: Served) -> None:
     response = growing.probe.call(SampleParents, SAMPLE, **sample())
-    cells = system_of(SETTINGS).choose_parents(growing.archive, SETTINGS, 1, 2, 3, 2)
+    cells = algorithm_of(SETTINGS).choose_parents(growing.archive, SETTINGS, 1, 2, 3, 2)
     assert np.array_equal(response.evaluations, growing.archive.evaluations[cells].ravel())
 
 

@@ -11,11 +11,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from graph import TINY, Graph, ros_arguments
+from graph import TINY, Graph, ros_arguments, tiny
 from processes import children
 from reference import run_digest, search_digest
 
-from pga_me_ros.core.run_directory import open_run
+from pga_me_ros.core.runs.run_directory import open_run
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.tasks.registry import task_spec
 
@@ -26,7 +26,7 @@ ONE_GENERATION = {"evaluations": 10}
 BROKEN_TASKS = """
 import dataclasses
 
-from pga_me_ros.tasks.locomotion import QDHopper
+from pga_me_ros.tasks.bullet.locomotion import QDHopper
 
 
 class Unplugged(QDHopper):
@@ -65,7 +65,7 @@ def refusal(graph: Graph, kind: str, *arguments: str) -> str:
 
 def refused_run(graph: Graph, run_dir: Path, *arguments: str, **parameters: Any) -> str:
     """Start a tiny run that must be refused; return what it says."""
-    values: Mapping[str, Any] = {**TINY, **ONE_GENERATION, "run_dir": run_dir, **parameters}
+    values: Mapping[str, Any] = tiny(**{**ONE_GENERATION, "run_dir": run_dir, **parameters})
     words = refusal(graph, "orchestrator", *ros_arguments(values), *arguments)
     assert not children(run_dir)
     return words
@@ -165,7 +165,7 @@ def test_a_task_that_lacks_what_the_algorithm_needs_is_refused_before_anything_s
 ) -> None:
     (tmp_path / "my_robots.py").write_text(BROKEN_TASKS)
     monkeypatch.setenv("PYTHONPATH", str(tmp_path), prepend=os.pathsep)
-    run_dir, parameters = tmp_path / "run", {"algorithm": "qd_rl", "n_evo": 50}
+    run_dir, parameters = tmp_path / "run", {"algorithm": "qd_rl"}
     words = refused_run(graph, run_dir, task="my_robots:Reticent", **parameters)
     assert "Task 'qd_hopper' has no state descriptors" in words
     assert not run_dir.exists()

@@ -19,8 +19,8 @@ from std_msgs.msg import String
 from stored import SETTINGS, SHAPE, SPEC, Served
 from tf2_msgs.msg import TFMessage
 
-from pga_me_ros.core.policy import Controller
-from pga_me_ros.core.schedule import evaluation_rng
+from pga_me_ros.core.evaluation import evaluation_rng
+from pga_me_ros.core.networks.controller import MlpController
 from pga_me_ros.player.transform import Transform
 from pga_me_ros.ros import qos
 from pga_me_ros.tasks.registry import make_task
@@ -34,7 +34,7 @@ class Truth:
 
     Attributes:
         joints: Position and velocity of the actuated joints.
-        links: Pose of each link's centre of mass in the world.
+        links: Pose of each link's center of mass in the world.
         velocity: Linear and angular velocity of the torso in the world.
     """
 
@@ -46,7 +46,7 @@ class Truth:
     def of(cls, parameters: np.ndarray, evaluation: int) -> Truth:
         """Run an episode and ask PyBullet at every moment."""
         task: Any = make_task("qd_walker")
-        controller, truth = Controller(SHAPE, parameters), cls()
+        controller, truth = MlpController(SHAPE, parameters), cls()
         observation = task.reset(evaluation_rng(SETTINGS.seed, evaluation))
         ended = False
         while not ended:
@@ -136,13 +136,13 @@ def test_joint_states_are_pybullets(heard: Heard) -> None:
 
 
 def test_frames_lead_to_the_links_of_pybullet(heard: Heard) -> None:
-    centres = centres_of_mass(heard.description[0].data)
-    assert set(centres) == {link for link in heard.truth.links[0] if not link.startswith("link0_")}
+    centers = centers_of_mass(heard.description[0].data)
+    assert set(centers) == {link for link in heard.truth.links[0] if not link.startswith("link0_")}
     for msg in heard.frames:
         poses = poses_in_world([msg, heard.fixed[0]])
         expected = heard.truth.links[heard.step(msg.transforms[0])]
-        for link, centre in centres.items():
-            assert distance(poses[link] @ centre, expected[link]) < 1e-9, link
+        for link, center in centers.items():
+            assert distance(poses[link] @ center, expected[link]) < 1e-9, link
 
 
 def test_odometry_is_the_pose_of_the_base_and_its_velocity_in_its_own_axes(heard: Heard) -> None:
@@ -197,8 +197,8 @@ def test_without_a_display_a_window_is_refused_in_one_line(
     assert "Traceback" not in player.output
 
 
-def centres_of_mass(description: str) -> dict[str, Transform]:
-    """Return the centre of mass of each link that has one, in its frame; the models' are not turned."""
+def centers_of_mass(description: str) -> dict[str, Transform]:
+    """Return the center of mass of each link that has one, in its frame; the models' are not turned."""
     found = {}
     for link in ET.fromstring(description).iter("link"):
         origin = link.find("inertial/origin")

@@ -1,4 +1,4 @@
-"""Choosing among several behaviours: the k nearest, and by the means of re-evaluations."""
+"""Choosing among several behaviors: the k nearest, and by the means of re-evaluations."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from pga_me_msgs.srv import GetBehavior, GetBehaviors, ListBehaviors
 from stored import Served
 
 from pga_me_ros.client import RepertoireClient
-from pga_me_ros.core.errors import RequestError
-from pga_me_ros.core.reevaluations import FILE, Reevaluations
+from pga_me_ros.core.storage.reevaluations import FILE, Reevaluations
+from pga_me_ros.errors import RequestError
 
 ASK = GetBehavior.Request
 WANTED = [0.6, 0.4]
@@ -171,12 +171,12 @@ def test_the_list_by_mean_has_those_re_evaluated_and_the_best_on_average_first(
     assert listed == best_first[:3]
 
 
-def test_a_behaviour_that_was_not_re_evaluated_says_so(
+def test_a_behavior_that_was_not_re_evaluated_says_so(
     repertoire: Served, client: RepertoireClient, rows: Reevaluations
 ) -> None:
     cell = int(repertoire.archive.filled_cells()[1])
     message = ask(repertoire, select=ASK.CELL, cell=cell, by_mean=True).message
-    assert message == f"The behaviour of cell {cell} was not re-evaluated."
+    assert message == f"The behavior of cell {cell} was not re-evaluated."
     behavior = client.get_behavior(cell=cell)
     assert (behavior.repeats, len(behavior.mean_descriptor)) == (0, 0)
     assert math.isnan(behavior.mean_fitness)
@@ -186,7 +186,7 @@ def test_without_re_evaluations_there_is_nothing_to_choose_by(repertoire: Served
     repertoire.path.with_name(FILE).unlink(missing_ok=True)
     response = ask(repertoire, select=ASK.BEST, by_mean=True)
     assert not response.found
-    assert "No behaviour of this repertoire was re-evaluated" in response.message
+    assert "No behavior of this repertoire was re-evaluated" in response.message
     listed = repertoire.probe.call(ListBehaviors, "repertoire/list_behaviors", by_mean=True)
     assert (listed.ok, listed.total, listed.message) == (True, 0, response.message)
 

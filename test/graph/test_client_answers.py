@@ -13,7 +13,7 @@ from std_msgs.msg import Float32MultiArray
 from stored import Served
 
 from pga_me_ros.client import BehaviorNotFoundError, RepertoireClient
-from pga_me_ros.core.errors import RequestError
+from pga_me_ros.errors import RequestError
 
 
 @pytest.fixture
@@ -22,7 +22,7 @@ def client(repertoire: Served) -> RepertoireClient:
 
 
 def test_what_is_not_found_comes_with_the_reason(client: RepertoireClient) -> None:
-    with pytest.raises(BehaviorNotFoundError, match=r"No behaviour has a fitness of 1000000\.0"):
+    with pytest.raises(BehaviorNotFoundError, match=r"No behavior has a fitness of 1000000\.0"):
         client.get_behavior(descriptor=[0.5, 0.5], min_fitness=1e6)
 
 

@@ -17,7 +17,7 @@ TASKS = """
 import os
 from pathlib import Path
 
-from pga_me_ros.tasks.locomotion import QDWalker
+from pga_me_ros.tasks.bullet.locomotion import QDWalker
 
 
 THUNDERSTORM = Path("thunderstorm")
@@ -39,7 +39,7 @@ class Deadly(QDWalker):
 UNTEACHABLE = """
 import sys
 
-from pga_me_ros.tasks.locomotion import QDWalker
+from pga_me_ros.tasks.bullet.locomotion import QDWalker
 
 
 def fail(*_):
@@ -47,7 +47,7 @@ def fail(*_):
 
 
 if "pga_me_ros.nodes.critic_trainer" in sys.orig_argv:
-    from pga_me_ros.core.critic import CriticTrainer
+    from pga_me_ros.core.learning.critic_trainer import CriticTrainer
 
     CriticTrainer.train = fail
 """
@@ -70,8 +70,8 @@ def test_an_evaluator_that_dies_again_and_again_ends_the_run_which_resumes_when_
     assert run.wait() == FAILED, run.output
     *_, kept, error = run.output.splitlines()
     assert error == (
-        "error: Node 'evaluator_0' died 5 times without getting on, the last time with exit code 3; its last words: "
-        f"'the battery is empty'. See {run_dir}/logs/evaluator_0.log."
+        "error: Node 'evaluator_0' crashed 5 times without completing a generation, the last time with exit code 3; "
+        f"its last output: 'the battery is empty'. See {run_dir}/logs/evaluator_0.log."
     )
     assert "evaluations are safe in" in kept
     assert "the same command resumes" in kept

@@ -12,8 +12,8 @@ import pytest
 from domain_coordinator import domain_id
 from graph import TINY, Graph, Started, ros_arguments, wait_until
 
-from pga_me_ros.core.errors import SettingsError
-from pga_me_ros.demo import Arguments, find_config
+from pga_me_ros.demo.arguments import Arguments, find_config
+from pga_me_ros.errors import SettingsError
 
 CONFIG = Path(__file__).resolve().parents[2] / "config" / "qd_walker.yaml"
 

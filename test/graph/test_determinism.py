@@ -28,9 +28,9 @@ VARIANTS: dict[str, dict[str, Any]] = {
         "line_noise": "tensor",
     },
     "MAP-Elites": {"n_evo": 10},
-    "TD3": {"algorithm": "td3", "n_evo": 50},
+    "TD3": {"algorithm": "td3"},
     "MAP-Elites-ES": {**ES, "evaluations": 55},
-    "QD-RL": {"algorithm": "qd_rl", "n_evo": 50},
+    "QD-RL": {"algorithm": "qd_rl"},
 }
 
 

@@ -15,7 +15,7 @@ from graph import Graph, Probe, Started, wait_until
 from pga_me_msgs.srv import GetBehavior
 from processes import children
 
-from pga_me_ros.core.storage import Repertoire
+from pga_me_ros.core.storage.repertoire import Repertoire
 from pga_me_ros.ros import qos
 
 SOME_SECONDS = {"evaluations": 150, "n_crit": 200}
@@ -96,10 +96,10 @@ def test_a_node_that_falls_silent_is_stale_until_it_is_heard_again(watched: Watc
     os.kill(pid, signal.SIGSTOP)
     try:
         wait_until(stale, "a stale entry")
-        assert "no sign of life" in watched.entries("archive_manager")[-1].message
+        assert "no heartbeat" in watched.entries("archive_manager")[-1].message
     finally:
         os.kill(pid, signal.SIGCONT)
-    wait_until(lambda: not stale(), "a sign of life")
+    wait_until(lambda: not stale(), "a heartbeat")
 
 
 def test_every_node_has_a_log_in_the_run_directory(watched: Watched) -> None:

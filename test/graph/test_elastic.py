@@ -23,7 +23,7 @@ def signs(probe: Probe) -> list[Any]:
 
 
 def wait_for_work(signs: list[Any], evaluator: Started, since: int = 0) -> None:
-    """Wait until the signs of life, from one on, tell that an evaluator has done something."""
+    """Wait until the heartbeats, from one on, tell that an evaluator has done something."""
 
     def has_worked() -> bool:
         done = {s.done for s in signs[since:] if s.pid == evaluator.process.pid}
@@ -63,7 +63,7 @@ def test_an_evaluator_leaves_its_name_to_one_that_was_there_before(
 ) -> None:
     arguments = ("evaluator", WALKER, "-r", "__node:=mine")
     first = graph.start(*arguments)
-    wait_until(lambda: any(s.node == "/mine" for s in signs), "the first one's sign of life")
+    wait_until(lambda: any(s.node == "/mine" for s in signs), "the first one's heartbeat")
     second = graph.start(*arguments)
     assert second.wait() == 2
     assert f"The name /mine is taken in this ROS domain by process {first.process.pid}" in (

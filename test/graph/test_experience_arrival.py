@@ -16,11 +16,12 @@ from pga_me_msgs.srv import Evaluate, StoreExperience
 from processes import children, kill_child
 from reference import run_digest, search_digest
 
-from pga_me_ros.core.experience import Experience
-from pga_me_ros.core.offspring import random_controllers
-from pga_me_ros.core.policy import Controller, controller_shape
-from pga_me_ros.core.schedule import evaluation_rng
+from pga_me_ros.core.evaluation import evaluation_rng
+from pga_me_ros.core.networks.controller import MlpController
+from pga_me_ros.core.networks.shapes import controller_shape
+from pga_me_ros.core.runs.experience import Experience
 from pga_me_ros.core.settings import Settings
+from pga_me_ros.core.variation.random_controllers import random_controllers
 from pga_me_ros.ros import names, qos
 from pga_me_ros.ros.convert import episode_to_msg, flat
 from pga_me_ros.tasks.protocol import Task
@@ -51,7 +52,7 @@ def episodes(walker: Task) -> list[Episode]:
     shape = controller_shape(walker.spec, SETTINGS)
     parameters = random_controllers(SETTINGS, shape, 0, 0, SETTINGS.batch_size)
     return [
-        rollout(walker, Controller(shape, p), evaluation_rng(SETTINGS.seed, k))
+        rollout(walker, MlpController(shape, p), evaluation_rng(SETTINGS.seed, k))
         for k, p in enumerate(parameters)
     ]
 
@@ -172,7 +173,7 @@ def test_a_trainer_that_joins_late_gets_what_it_missed(
     assert run_digest(run_dir) == search_digest(**parameters)
 
 
-@pytest.mark.parametrize("system", [{}, {"algorithm": "td3", "n_evo": 50}], ids=["pga", "td3"])
+@pytest.mark.parametrize("system", [{}, {"algorithm": "td3"}], ids=["pga", "td3"])
 def test_episodes_that_a_bad_link_loses_are_fetched_again_and_doubles_dropped(
     graph: Graph, probe: Probe, tmp_path: Path, system: dict[str, object]
 ) -> None:
@@ -205,7 +206,7 @@ def test_an_evaluator_of_another_task_is_not_used_and_named_once(
 ) -> None:
     signs = probe.listen(NodeStatus, names.STATUS, qos.STATUS)
     foreign = graph.start("evaluator", {"task": "qd_hopper"})
-    wait_until(lambda: any(s.pid == foreign.process.pid for s in signs), "its sign of life")
+    wait_until(lambda: any(s.pid == foreign.process.pid for s in signs), "its heartbeat")
     run = graph.run(tmp_path / "run", evaluations=50)
     assert run.wait() == 0, run.output
     assert run.output.count("is not used: it has task 'qd_hopper'") == 1
@@ -216,5 +217,5 @@ def test_evaluators_started_by_hand_have_names_of_their_own(graph: Graph, probe:
     signs = probe.listen(NodeStatus, names.STATUS, qos.STATUS)
     for _ in range(2):
         graph.start("evaluator", {"task": "qd_hopper"})
-    wait_until(lambda: len({s.pid for s in signs}) == 2, "signs of life of both")
+    wait_until(lambda: len({s.pid for s in signs}) == 2, "heartbeats of both")
     assert len({s.node for s in signs}) == 2

@@ -12,12 +12,11 @@ from graph import TINY, Graph, Started
 from processes import wait_for_no_children
 from reference import run_digest, search_digest
 
-from pga_me_ros.core.fitness_difference import REPEATS
-from pga_me_ros.core.reevaluations import Reevaluations
-from pga_me_ros.core.storage import Repertoire
+from pga_me_ros.core.storage.reevaluations import REPEATS, Reevaluations
+from pga_me_ros.core.storage.repertoire import Repertoire
 
 SETTINGS = {name: value for name, value in TINY.items() if name not in ("evaluators", "serve")}
-SYSTEMS = {"half": 5, "ga": 10}
+ALGORITHMS = {"half": 5, "ga": 10}
 """Systems of the experiment by their n_evo: with 10 of 10 offspring, genetic variation is all."""
 
 TASK = "qd_hopper"
@@ -30,7 +29,7 @@ PATIENCE = 240.0
 def experiment(tmp_path: Path) -> Path:
     """An experiment file; its third system cannot start."""
     shared = {n: v for n, v in SETTINGS.items() if n not in ("n_evo", "evaluations")}
-    systems = {name: {"n_evo": n_evo} for name, n_evo in SYSTEMS.items()}
+    systems = {name: {"n_evo": n_evo} for name, n_evo in ALGORITHMS.items()}
     systems["lost"] = {"start_from": "nowhere", "n_evo": 5}
     file = tmp_path / "tiny.yaml"
     file.write_text(
@@ -47,7 +46,7 @@ def test_an_experiment_goes_on_where_it_was_stopped_and_past_what_fails(
     graph: Graph, experiment: Path
 ) -> None:
     folder = graph.folder / "experiments" / "tiny"
-    runs = {name: folder / name / TASK / "seed4" for name in SYSTEMS}
+    runs = {name: folder / name / TASK / "seed4" for name in ALGORITHMS}
 
     stopped = start(graph, experiment)
     stopped.wait_for_output("finished half/qd_hopper/4", PATIENCE)
@@ -73,7 +72,7 @@ def test_an_experiment_goes_on_where_it_was_stopped_and_past_what_fails(
     assert (graph.folder / log).exists()
     assert (runs["half"] / "repertoire.db").stat().st_mtime_ns == done, "a finished run was touched"
     for name, run in runs.items():
-        expected = search_digest(task=TASK, seed=4, evaluations=BUDGET, n_evo=SYSTEMS[name])
+        expected = search_digest(task=TASK, seed=4, evaluations=BUDGET, n_evo=ALGORITHMS[name])
         assert run_digest(run) == expected, name
         assert_best_controllers_were_evaluated_again(run)
 

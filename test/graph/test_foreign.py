@@ -15,7 +15,7 @@ from pga_me_msgs.msg import Progress, Transitions
 from pga_me_msgs.srv import Evaluate
 from reference import run_digest, search_digest
 
-from pga_me_ros.core.policy import MlpShape
+from pga_me_ros.core.networks.mlp import MlpShape
 from pga_me_ros.ros import names, qos
 from pga_me_ros.ros.convert import flat
 

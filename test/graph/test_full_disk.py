@@ -15,8 +15,8 @@ from graph import Graph, Started
 from processes import children, wait_for_no_children
 from reference import run_digest, search_digest, search_metrics
 
-from pga_me_ros.core.metrics_file import MetricsFile
-from pga_me_ros.core.storage import Repertoire
+from pga_me_ros.core.storage.metrics_file import MetricsFile
+from pga_me_ros.core.storage.repertoire import Repertoire
 
 LONG: dict[str, Any] = {"evaluations": 60, "n_crit": 50}
 ERROR = 2

@@ -11,7 +11,7 @@ from processes import children
 from reference import run_digest, run_settings, search_digest
 from std_srvs.srv import Trigger
 
-from pga_me_ros.core.storage import Repertoire
+from pga_me_ros.core.storage.repertoire import Repertoire
 from pga_me_ros.ros import names, qos
 
 CASES = 300

@@ -8,7 +8,7 @@ from graph import Graph
 from reference import run_digest, run_settings
 from stored import SPEC, store
 
-from pga_me_ros.core.run_directory import open_run
+from pga_me_ros.core.runs.run_directory import open_run
 from pga_me_ros.core.search import Search
 from pga_me_ros.tasks.registry import load_task
 

@@ -57,7 +57,7 @@ def test_the_topic_tells_of_failure(
     graph: Graph, probe: Probe, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "my_robots.py").write_text(
-        "from pga_me_ros.tasks.locomotion import QDHopper\n"
+        "from pga_me_ros.tasks.bullet.locomotion import QDHopper\n"
         "class Unplugged(QDHopper):\n"
         "    def __init__(self):\n"
         "        raise RuntimeError\n"

@@ -16,9 +16,9 @@ from pga_me_msgs.msg import Metrics, Transitions
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from pga_me_ros.core.checkpoint import load_checkpoint
-from pga_me_ros.core.run_directory import REPERTOIRE
-from pga_me_ros.core.storage import Repertoire
+from pga_me_ros.core.storage.checkpoint import load_checkpoint
+from pga_me_ros.core.storage.repertoire import Repertoire
+from pga_me_ros.core.storage.stored_run import REPERTOIRE
 from pga_me_ros.recording.bag import read_bag
 from pga_me_ros.recording.definitions import definition, type_name
 from pga_me_ros.replay.__main__ import main

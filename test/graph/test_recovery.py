@@ -10,7 +10,7 @@ from graph import Graph
 from processes import children, kill_orchestrator, wait_for_no_children
 from reference import ES, run_digest, search_digest
 
-LONG: dict[str, Any] = {"evaluations": 80, "n_crit": 100}
+LONG: dict[str, Any] = {"evaluations": 80}
 """Enough generations of variation to be in the middle of one when something is killed."""
 
 KINDS = ("evaluator_0", "critic_trainer", "variation", "archive_manager")
@@ -18,7 +18,7 @@ KINDS = ("evaluator_0", "critic_trainer", "variation", "archive_manager")
 
 @pytest.mark.parametrize(
     "system",
-    [{}, {"algorithm": "td3", "n_evo": 50}, ES, {"algorithm": "qd_rl", "n_evo": 50}],
+    [{"n_crit": 100}, {"algorithm": "td3"}, ES, {"algorithm": "qd_rl", "n_crit": 100}],
     ids=["pga", "td3", "map_elites_es", "qd_rl"],
 )
 def test_a_killed_orchestrator_leaves_no_orphan_and_the_same_command_resumes(

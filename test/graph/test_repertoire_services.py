@@ -17,7 +17,7 @@ from pga_me_msgs.srv import GetBehavior, GetInfo, ListBehaviors
 from sensor_msgs.msg import Image
 from stored import SETTINGS, SPEC, Served, served
 
-from pga_me_ros.core.archive import Archive
+from pga_me_ros.core.archive.archive import Archive
 from pga_me_ros.ros import qos
 
 ASK = GetBehavior.Request
@@ -97,18 +97,18 @@ def test_a_least_fitness_makes_a_farther_elite_the_nearest(repertoire: Served) -
 
 
 NOT_FOUND = {
-    "too far": ({"descriptor": [5.0, 5.0], "max_distance": 0.5}, "No behaviour lies within 0.5 of"),
+    "too far": ({"descriptor": [5.0, 5.0], "max_distance": 0.5}, "No behavior lies within 0.5 of"),
     "none so fit": (
         {"descriptor": [0.5, 0.5], "require_fitness": True, "min_fitness": BEYOND},
-        "No behaviour has a fitness of 1000000.0 or more; the best has",
+        "No behavior has a fitness of 1000000.0 or more; the best has",
     ),
     "best not so fit": (
         {"select": ASK.BEST, "require_fitness": True, "min_fitness": BEYOND},
-        "No behaviour has a fitness of 1000000.0 or more",
+        "No behavior has a fitness of 1000000.0 or more",
     ),
     "random not so fit": (
         {"select": ASK.RANDOM, "require_fitness": True, "min_fitness": BEYOND},
-        "No behaviour has a fitness of 1000000.0 or more",
+        "No behavior has a fitness of 1000000.0 or more",
     ),
     "no such cell": (
         {"select": ASK.CELL, "cell": 64},
@@ -141,7 +141,7 @@ def test_what_cannot_be_found_is_said_in_words(repertoire: Served, case: str) ->
 def test_an_empty_cell_is_told_apart(repertoire: Served) -> None:
     cell = int(np.flatnonzero(~repertoire.archive.filled)[0])
     message = ask(repertoire, select=ASK.CELL, cell=cell).message
-    assert message == f"Cell {cell} holds no behaviour; list_behaviors tells which do."
+    assert message == f"Cell {cell} is empty; choose a filled one, or the nearest to a descriptor."
 
 
 @pytest.mark.parametrize(
@@ -220,7 +220,7 @@ def test_the_picture_reaches_those_who_come_late(repertoire: Served, profile: st
     wait_until(lambda: bool(heard), "a picture")
     picture = np.array(heard[0].data, np.uint8).reshape(heard[0].height, heard[0].width, 3)
     assert heard[0].encoding == "rgb8"
-    # More colours than that of empty cells.
+    # More colors than that of empty cells.
     assert len(np.unique(picture.reshape(-1, 3), axis=0)) > 5
 
 
@@ -233,8 +233,8 @@ def test_the_map_shows_each_elite_in_its_place(repertoire: Served) -> None:
     # Its first cells are those of the least second descriptor.
     values = np.array(heard[0].data, np.int8).reshape(info.height, info.width)
     rows, columns = np.indices(values.shape)
-    centres = (np.stack([columns.ravel(), rows.ravel()], axis=1) + 0.5) * info.resolution
-    fitness = archive.fitness[archive.cell_of(centres)]
+    centers = (np.stack([columns.ravel(), rows.ravel()], axis=1) + 0.5) * info.resolution
+    fitness = archive.fitness[archive.cell_of(centers)]
     worst, best = archive.fitness[archive.filled].min(), archive.fitness[archive.filled].max()
     share = (fitness - worst) / (best - worst)
     expected = np.where(np.isnan(share), -1, np.rint(100 * np.nan_to_num(share)))
@@ -248,7 +248,7 @@ def test_a_finished_file_has_no_services_of_the_loop(repertoire: Served) -> None
     assert not {name for name in offered if name.startswith("/archive/")}
 
 
-def test_a_behaviour_is_served_without_simulator_or_torch(repertoire: Served) -> None:
+def test_a_behavior_is_served_without_simulator_or_torch(repertoire: Served) -> None:
     assert ask(repertoire, select=ASK.BEST).found
     mapped = Path(f"/proc/{repertoire.manager.process.pid}/maps").read_text()
     assert "rclpy" in mapped

@@ -7,8 +7,8 @@ from pathlib import Path
 
 from graph import Graph
 
-from pga_me_ros.core.elites import Operator
-from pga_me_ros.core.storage import Repertoire
+from pga_me_ros.core.operators import Operator
+from pga_me_ros.core.storage.repertoire import Repertoire
 
 
 def test_a_run_ends_with_a_repertoire_of_its_budget(graph: Graph, tmp_path: Path) -> None:

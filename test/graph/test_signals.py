@@ -19,9 +19,9 @@ from rclpy.parameter import Parameter
 from reference import run_digest, search_digest
 from std_srvs.srv import Trigger
 
-from pga_me_ros.core.elites import Operator
-from pga_me_ros.core.policy import MlpShape
-from pga_me_ros.core.storage import Repertoire
+from pga_me_ros.core.networks.mlp import MlpShape
+from pga_me_ros.core.operators import Operator
+from pga_me_ros.core.storage.repertoire import Repertoire
 from pga_me_ros.ros import names, qos
 from pga_me_ros.ros.convert import flat
 
@@ -126,7 +126,7 @@ def test_a_paused_run_does_nothing_until_it_is_resumed(
     wait_until(lambda: heard[-1].state == "paused", "the pause")
     at = heard[-1].generation
     count = len(heard)
-    wait_until(lambda: len(heard) > count + 2, "signs of life of a paused run")
+    wait_until(lambda: len(heard) > count + 2, "heartbeats of a paused run")
     assert heard[-1].generation == at
     assert probe.call(Trigger, "orchestrator/resume").success
     wait_until(lambda: heard[-1].generation > at, "the next generation")

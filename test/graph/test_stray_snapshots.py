@@ -33,12 +33,10 @@ def test_a_snapshot_of_another_system_is_dropped_by_whoever_hears_it(
         if run.process.poll() is not None:
             break
         generation = max((m.generation for m in metrics), default=-1) + ahead
-        foreign = {"generation": generation, "diversity_critic": sound["critic"]}
+        foreign = {"generation": generation, "networks": ["diversity_critic", "greedy"]}
         stray.publish(CriticSnapshot(**{**sound, **foreign}))
         pause.wait(0.01)
     assert run.wait() == 0, run.output
-    words = (
-        "dropped a critic snapshot: it has a diversity critic; algorithm 'pga_map_elites' has none"
-    )
+    words = "dropped a critic snapshot: it has no network 'critic'; pga_map_elites needs one"
     assert words in run.output
     assert run_digest(tmp_path / "run") == search_digest(evaluations=EVALUATIONS)

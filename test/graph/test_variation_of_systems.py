@@ -13,10 +13,11 @@ from pga_me_msgs.msg import CriticSnapshot, Elites, NodeStatus
 from pga_me_msgs.srv import Propose
 from reference import run_settings
 
-from pga_me_ros.core.pg_variation import pg_variation
-from pga_me_ros.core.policy import controller_shape, critic_shape, random_critic, random_parameters
+from pga_me_ros.core.networks.mlp import random_critic, random_parameters
+from pga_me_ros.core.networks.shapes import controller_shape, critic_shape
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.core.snapshot import Snapshot
+from pga_me_ros.core.variation.policy_gradient import pg_variation
 from pga_me_ros.ros import names, qos
 from pga_me_ros.ros.convert import flat, rates_to_msg, snapshot_to_msg
 from pga_me_ros.tasks.registry import task_spec
@@ -29,16 +30,19 @@ RNG = np.random.default_rng(0)
 ONE_CRITIC = Snapshot(
     generation=1,
     version=10,
-    critic_shape=CRITIC,
-    critic=random_critic(CRITIC, RNG),
-    greedy_shape=SHAPE,
-    greedy=random_parameters(SHAPE, RNG),
+    networks={
+        "critic": (CRITIC, random_critic(CRITIC, RNG)),
+        "greedy": (SHAPE, random_parameters(SHAPE, RNG)),
+    },
     states=RNG.standard_normal((1, 2, 32, SPEC.observation_dim), np.float32),
     transitions=100,
     critic_loss=1.0,
     mean_q=1.0,
 )
-TWO_CRITICS = dataclasses.replace(ONE_CRITIC, diversity_critic=random_critic(CRITIC, RNG))
+TWO_CRITICS = dataclasses.replace(
+    ONE_CRITIC,
+    networks={**ONE_CRITIC.networks, "diversity_critic": (CRITIC, random_critic(CRITIC, RNG))},
+)
 PARENT = random_parameters(SHAPE, RNG)
 PARENT_ID = 7
 
@@ -97,8 +101,7 @@ def variation(graph: Graph, request: pytest.FixtureRequest) -> Iterator[Variatio
     started.close()
 
 
-def climbed(critic: np.ndarray | None) -> np.ndarray:
-    assert critic is not None
+def climbed(critic: np.ndarray) -> np.ndarray:
     rate = PGA.pg_learning_rate
     return pg_variation(PARENT[None], critic, ONE_CRITIC.states[0], rate, SHAPE, CRITIC)
 
@@ -106,7 +109,7 @@ def climbed(critic: np.ndarray | None) -> np.ndarray:
 @pytest.mark.parametrize("variation", [QD_RL], indirect=True)
 def test_qd_rl_climbs_the_critic_of_quality_or_that_of_diversity(variation: Variation) -> None:
     variation.hear(ONE_CRITIC)
-    variation.started.wait_for_output("it has no diversity critic; algorithm 'qd_rl' needs one")
+    variation.started.wait_for_output("it has no network 'diversity_critic'; qd_rl needs one")
     assert variation.propose(Propose.Request.DIVERSITY).again
     variation.hear(TWO_CRITICS)
     variation.hear_parent()
@@ -120,8 +123,8 @@ def test_qd_rl_climbs_the_critic_of_quality_or_that_of_diversity(variation: Vari
     wait_until(made, "offspring of diversity")
     diversity, quality = answer, variation.propose(Propose.Request.QUALITY)
     for got, critic in (
-        (diversity, TWO_CRITICS.diversity_critic),
-        (quality, TWO_CRITICS.critic),
+        (diversity, TWO_CRITICS.parameters("diversity_critic")),
+        (quality, TWO_CRITICS.parameters("critic")),
     ):
         np.testing.assert_array_equal(got.parameters, climbed(critic)[0])
     refused = variation.propose(Propose.Request.PG)
@@ -131,10 +134,14 @@ def test_qd_rl_climbs_the_critic_of_quality_or_that_of_diversity(variation: Vari
 @pytest.mark.parametrize("variation", [PGA], indirect=True)
 def test_pga_map_elites_knows_no_diversity(variation: Variation) -> None:
     variation.hear(TWO_CRITICS)
-    words = "it has a diversity critic; algorithm 'pga_map_elites' has none"
+    words = "it has a network 'diversity_critic'; pga_map_elites has none"
     variation.started.wait_for_output(words)
     assert variation.propose(Propose.Request.PG).again
-    for operator in (Propose.Request.QUALITY, Propose.Request.DIVERSITY):
+    for operator in (
+        Propose.Request.QUALITY,
+        Propose.Request.DIVERSITY,
+        Propose.Request.ES_SAMPLE,
+    ):
         refused = variation.propose(operator)
         assert not refused.accepted
         assert f"Operator {operator} is unknown; expected one of 0, 1, 2" in refused.message
@@ -176,4 +183,6 @@ def test_a_parent_that_was_not_heard_of_makes_no_refusal(variation: Variation) -
         return bool(answers[-1].accepted)
 
     wait_until(made, "offspring")
-    np.testing.assert_array_equal(answers[-1].parameters, climbed(ONE_CRITIC.critic)[0])
+    np.testing.assert_array_equal(
+        answers[-1].parameters, climbed(ONE_CRITIC.parameters("critic"))[0]
+    )

@@ -52,6 +52,9 @@ def test_core_and_tasks_know_no_ros(folder: str) -> None:
     [
         ("pga_me_ros.nodes.evaluator", {"torch"}),
         ("pga_me_ros.nodes.archive_manager", {"torch", "pybullet"}),
+        ("pga_me_ros", {"numpy", "torch", "pybullet", "rclpy"}),
+        ("pga_me_ros.library", {"torch", "pybullet", "rclpy", "PIL", "pandas"}),
+        ("pga_me_ros.core.settings", {"torch", "pybullet", "rclpy"}),
         ("pga_me_ros.client", {"torch", "pybullet"}),
         ("pga_me_ros.nodes.behavior_player", {"torch", "pybullet", "PIL"}),
         ("pga_me_ros.render.__main__", {"torch", "pybullet", "PIL", "rclpy"}),

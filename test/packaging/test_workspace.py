@@ -85,7 +85,11 @@ def plain_environment() -> dict[str, str]:
 
 
 def copy_of_checkout(folder: Path) -> Path:
-    ignore = shutil.ignore_patterns(*NOT_COPIED)
+    def ignore(where: str, names: list[str]) -> list[str]:
+        """Leave out at the top what git ignores there: the package has a folder `core/runs` of its own."""
+        left_out = {*NOT_COPIED} if Path(where) == ROOT else {"__pycache__"}
+        return [name for name in names if name in left_out]
+
     return Path(shutil.copytree(ROOT, folder / "checkout", symlinks=True, ignore=ignore))
 
 

@@ -29,10 +29,10 @@ class Posed:
     reader: BodyReader
     state: RobotState
 
-    def centres(self) -> dict[str, Transform]:
-        """Return the centre of mass of each link, as our model has it."""
+    def centers(self) -> dict[str, Transform]:
+        """Return the center of mass of each link, as our model has it."""
         poses = link_poses(self.reader.model, self.state)
-        return {link.name: poses[link.name] @ link.centre for link in self.reader.model.links[1:]}
+        return {link.name: poses[link.name] @ link.center for link in self.reader.model.links[1:]}
 
 
 @contextmanager
@@ -48,8 +48,8 @@ def posed(task_name: str) -> Iterator[Posed]:
     task.close()
 
 
-def centres_by_pybullet(client: int, body: int) -> dict[str, Transform]:
-    """Return the centre of mass of each link by its name, as PyBullet has it."""
+def centers_by_pybullet(client: int, body: int) -> dict[str, Transform]:
+    """Return the center of mass of each link by its name, as PyBullet has it."""
     root = pybullet.getBodyInfo(body, client)[0].decode()
     found = {root: Transform(*pybullet.getBasePositionAndOrientation(body, client))}
     for index in range(pybullet.getNumJoints(body, client)):

@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from pga_me_ros.core.errors import SettingsError
-from pga_me_ros.core.setting_field import checked_value
+from pga_me_ros.core.settings.field import checked_value
+from pga_me_ros.errors import SettingsError
 from pga_me_ros.player.settings import PlayerSettings, wanted
 
 

@@ -10,9 +10,9 @@ import numpy as np
 import pybullet
 import pybullet_data
 import pytest
-from posed import TASKS, Posed, centres_by_pybullet, distance, loaded, posed
+from posed import TASKS, Posed, centers_by_pybullet, distance, loaded, posed
 
-from pga_me_ros.core.errors import TaskError
+from pga_me_ros.errors import TaskError
 from pga_me_ros.player.body_reader import BodyReader
 from pga_me_ros.player.model import BASE_LINK
 from pga_me_ros.player.transform import Transform, unit
@@ -28,17 +28,17 @@ def robot(request: pytest.FixtureRequest) -> Iterator[Posed]:
 
 
 def test_links_are_where_pybullet_has_them(robot: Posed) -> None:
-    truth = centres_by_pybullet(robot.body.client, robot.body.robot)
-    assert {name: distance(pose, truth[name]) for name, pose in robot.centres().items()} == (
-        pytest.approx(dict.fromkeys(robot.centres(), 0.0), abs=1e-9)
+    truth = centers_by_pybullet(robot.body.client, robot.body.robot)
+    assert {name: distance(pose, truth[name]) for name, pose in robot.centers().items()} == (
+        pytest.approx(dict.fromkeys(robot.centers(), 0.0), abs=1e-9)
     )
 
 
 def test_pybullet_loads_it_with_the_links_in_the_same_places(robot: Posed, tmp_path: Path) -> None:
     with loaded(robot, tmp_path) as (client, body):
-        copy = centres_by_pybullet(client, body)
-    assert {name: distance(pose, copy[name]) for name, pose in robot.centres().items()} == (
-        pytest.approx(dict.fromkeys(robot.centres(), 0.0), abs=1e-9)
+        copy = centers_by_pybullet(client, body)
+    assert {name: distance(pose, copy[name]) for name, pose in robot.centers().items()} == (
+        pytest.approx(dict.fromkeys(robot.centers(), 0.0), abs=1e-9)
     )
 
 
@@ -113,8 +113,8 @@ def rays(robot: Posed, count: int = 2000) -> tuple[list, list]:
     starts = rng.normal(size=(count, 3))
     starts *= 3.0 / np.linalg.norm(starts, axis=1, keepdims=True)
     starts[:, 2] = np.abs(starts[:, 2])
-    centres = [pose.position for pose in robot.centres().values()]
-    aims = np.array(centres)[rng.integers(len(centres), size=count)] + rng.normal(
+    centers = [pose.position for pose in robot.centers().values()]
+    aims = np.array(centers)[rng.integers(len(centers), size=count)] + rng.normal(
         0.0, 0.1, (count, 3)
     )
     starts += robot.state.base.position
@@ -138,10 +138,10 @@ def test_a_robot_of_ones_own_from_urdf(file: str, tmp_path: Path) -> None:
         pybullet.resetJointState(body, index, rng.uniform(-0.5, 0.5), 0.0, client)
     reader = BodyReader(Body(client, body, -1, path))
     robot = Posed(reader._body, reader, reader.state())
-    truth = centres_by_pybullet(client, body)
+    truth = centers_by_pybullet(client, body)
     with loaded(robot, tmp_path) as (other, copied):
-        copy = centres_by_pybullet(other, copied)
-    for name, pose in robot.centres().items():
+        copy = centers_by_pybullet(other, copied)
+    for name, pose in robot.centers().items():
         at = truth.get(name, truth[pybullet.getBodyInfo(body, client)[0].decode()])
         assert distance(pose, at) < 1e-9, name
         assert distance(copy[name], at) < 1e-6, name
@@ -161,7 +161,7 @@ def test_specs_and_descriptions_name_the_same_joints(robot: Posed) -> None:
     assert any(set(task_spec(task).action_names) == names for task in TASKS)
 
 
-def test_base_link_is_the_torsos_centre_of_mass(robot: Posed) -> None:
-    truth = centres_by_pybullet(robot.body.client, robot.body.robot)
+def test_base_link_is_the_torsos_center_of_mass(robot: Posed) -> None:
+    truth = centers_by_pybullet(robot.body.client, robot.body.robot)
     assert distance(robot.state.base, truth["torso"]) < 1e-9
     assert robot.reader.model.joints[0].origin == Transform()

@@ -11,7 +11,7 @@ from rclpy.serialization import serialize_message
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from pga_me_ros.core.errors import PgaError, StorageError
+from pga_me_ros.errors import PgaError, StorageError
 from pga_me_ros.recording.bag import BagWriter, read_bag
 from pga_me_ros.recording.definitions import definition, type_name
 from pga_me_ros.ros import qos

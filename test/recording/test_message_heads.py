@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from pga_me_msgs.msg import Metrics, Transitions
 from rclpy.serialization import serialize_message
 
-from pga_me_ros.core.errors import RequestError
+from pga_me_ros.errors import RequestError
 from pga_me_ros.recording.message_heads import EpisodeHead, committed_evaluations, episode_head
 
 words = st.text(st.characters(codec="utf-8", exclude_characters="\0"), max_size=12)

@@ -17,14 +17,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pga_me_ros.core.archive import Archive
-from pga_me_ros.core.errors import RequestError, StorageError
-from pga_me_ros.core.fitness_difference import fitness_differences
-from pga_me_ros.core.policy import Controller, MlpShape
-from pga_me_ros.core.reevaluations import FILE, FORMAT, Reevaluations, reevaluation_rng
-from pga_me_ros.core.repertoire_arrays import load_arrays, save_arrays
-from pga_me_ros.core.run_directory import REPERTOIRE
-from pga_me_ros.core.storage import Repertoire
+from pga_me_ros.core.archive.archive import Archive
+from pga_me_ros.core.networks.controller import MlpController
+from pga_me_ros.core.networks.mlp import MlpShape
+from pga_me_ros.core.storage.npz import load_arrays, save_arrays
+from pga_me_ros.core.storage.reevaluations import (
+    FILE,
+    FORMAT,
+    Reevaluations,
+    fitness_differences,
+    reevaluation_rng,
+)
+from pga_me_ros.core.storage.repertoire import Repertoire
+from pga_me_ros.core.storage.stored_run import REPERTOIRE
+from pga_me_ros.errors import RequestError, StorageError
 from pga_me_ros.reevaluate.__main__ import reevaluate
 from pga_me_ros.tasks.registry import make_task, task_spec
 from pga_me_ros.tasks.rollout import rollout
@@ -104,7 +110,7 @@ def test_the_best_of_every_generation_is_found_again(new_run: Callable[..., Path
     expected = []
     for m in metrics:
         (best,) = (b for b in bests if b.evaluation == m.best_evaluation)
-        controller = Controller(shape, best.parameters)
+        controller = MlpController(shape, best.parameters)
         again = [rollout(task, controller, reevaluation_rng(6, i)).fitness for i in range(2)]
         assert best.fitness == m.max_fitness
         expected.append(m.max_fitness - sum(again) / 2)
@@ -147,7 +153,7 @@ def assert_rows_hold(run: Path, rows: Reevaluations, places: Iterable[int]) -> N
     task = make_task("qd_hopper")
     for row in places:
         (cell,) = np.flatnonzero(archive.evaluations == rows.evaluation[row])
-        controller = Controller(MlpShape(info.layer_sizes), archive.parameters[cell])
+        controller = MlpController(MlpShape(info.layer_sizes), archive.parameters[cell])
         rng = reevaluation_rng(info.settings["seed"], int(rows.repeat[row]))
         episode = rollout(task, controller, rng)
         assert (rows.fitness[row], rows.steps[row]) == (episode.fitness, episode.length)
@@ -160,7 +166,7 @@ def test_ctrl_c_keeps_what_was_done(fresh: Path) -> None:
         os.killpg(process.pid, signal.SIGINT)
         output, errors = process.communicate()
     assert (process.returncode, output) == (130, "")
-    assert errors == "stopped; the same command goes on from here\n"
+    assert errors == "stopped; the same command continues from here\n"
     rows = load(fresh)[1]
     assert_rows_hold(fresh, rows, range(0, len(rows.fitness), 10))
 
@@ -240,7 +246,7 @@ def test_a_task_that_has_changed_is_not_simulated(
     fresh: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     other = dataclasses.replace(task_spec("qd_hopper"), max_steps=7)
-    monkeypatch.setattr("pga_me_ros.tasks.locomotion.QDHopper.spec", other)
+    monkeypatch.setattr("pga_me_ros.tasks.bullet.locomotion.QDHopper.spec", other)
     with pytest.raises(StorageError, match="its spec differs in max_steps"):
         reevaluate(fresh, 1)
 

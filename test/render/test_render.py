@@ -10,17 +10,19 @@ import pybullet
 import pytest
 from PIL import Image
 
-from pga_me_ros.core.elites import Solutions
-from pga_me_ros.core.make_archive import make_archive
-from pga_me_ros.core.metrics import generation_metrics
-from pga_me_ros.core.policy import Controller, controller_shape, random_parameters
-from pga_me_ros.core.run_info import RunInfo
-from pga_me_ros.core.schedule import evaluation_rng
+from pga_me_ros.core.archive.elites import Solutions
+from pga_me_ros.core.archive.make_archive import make_archive
+from pga_me_ros.core.archive.metrics import generation_metrics
+from pga_me_ros.core.evaluation import evaluation_rng
+from pga_me_ros.core.networks.controller import MlpController
+from pga_me_ros.core.networks.mlp import random_parameters
+from pga_me_ros.core.networks.shapes import controller_shape
 from pga_me_ros.core.settings import Settings
-from pga_me_ros.core.storage import Repertoire
+from pga_me_ros.core.storage.repertoire import Repertoire
+from pga_me_ros.core.storage.run_info import RunInfo
+from pga_me_ros.core.storage.stored_run import StoredRun
 from pga_me_ros.player.body_reader import BodyReader
 from pga_me_ros.player.camera import FIELD_OF_VIEW, Camera
-from pga_me_ros.player.stored import StoredRepertoire
 from pga_me_ros.render.__main__ import main
 from pga_me_ros.render.contact_sheet import GAP, HEAD, LABEL, spread_cells
 from pga_me_ros.render.scene import Scene
@@ -49,7 +51,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     parameters = np.stack([random_parameters(shape, rng) for _ in range(B)])
     task = make_task("qd_hopper")
     done = [
-        rollout(task, Controller(shape, p), evaluation_rng(SETTINGS.seed, k))
+        rollout(task, MlpController(shape, p), evaluation_rng(SETTINGS.seed, k))
         for k, p in enumerate(parameters)
     ]
     task.close()
@@ -100,7 +102,7 @@ def frames(path: Path) -> list[np.ndarray]:
 
 
 def robot(picture: np.ndarray) -> np.ndarray:
-    """Return where a picture has strong colours, as only the robot has."""
+    """Return where a picture has strong colors, as only the robot has."""
     return picture.max(axis=2) - picture.min(axis=2) > 60
 
 
@@ -133,7 +135,7 @@ def test_a_gif_takes_as_long_as_the_episode(
         for k in range(image.n_frames):
             image.seek(k)
             durations.append(image.info["duration"])
-    archive = StoredRepertoire.load(run).archive
+    archive = StoredRun.load(run).archive
     steps = 3 * (archive.best().steps // 3)  # a picture after every third
     assert sum(durations[:-1]) == pytest.approx(1000 * 2 * steps * SPEC.control_period, abs=10)
 
@@ -156,14 +158,15 @@ def test_a_contact_sheet_has_a_row_per_gait(
 
 
 def test_the_gaits_of_a_sheet_lie_far_apart(run: Path) -> None:
-    archive = StoredRepertoire.load(run).archive
-    cells = spread_cells(archive, 3, -np.inf)
+    archive = StoredRun.load(run).archive
+    cells = spread_cells(archive, archive.filled_cells(), 3)
     values = archive.descriptors[cells][:, 0]
     filled = archive.descriptors[archive.filled_cells()][:, 0]
     assert archive.best().cell in cells
     assert list(values) == sorted(values)
     assert {filled.min(), filled.max()} & set(values)
-    assert spread_cells(archive, 100, archive.max_fitness) == [archive.best().cell]
+    best = np.array([archive.best().cell])
+    assert spread_cells(archive, best, 100) == best.tolist()
 
 
 @pytest.mark.parametrize(
@@ -171,10 +174,13 @@ def test_the_gaits_of_a_sheet_lie_far_apart(run: Path) -> None:
     [
         (["--cell", "0"], "Cell 0 is empty"),
         (["--descriptor", "0.1", "0.2"], "The descriptor has 2 entries; this repertoire's has 1"),
-        (["--min-fitness", "1e6"], "No gait has a fitness of 1000000.0 or more"),
-        (["--sheet", "2", "--min-fitness", "1e6"], "No gait has a fitness of 1e+06 or more"),
+        (["--min-fitness", "1e6"], "No behavior has a fitness of 1000000.0 or more"),
+        (
+            ["--sheet", "2", "--min-fitness", "1e6"],
+            "No behavior has a fitness of 1000000.0 or more",
+        ),
         (["--out", "gait.png"], "ends in .gif"),
-        (["--start", "1e3"], "give a smaller --start"),
+        (["--start", "1e3"], "give a smaller start"),
     ],
 )
 def test_what_cannot_be_drawn_is_told_in_one_line(

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from recorded import BATCH, COUNT, EPISODES, RUN, SPEC, shuffled, transitions, write
 
-from pga_me_ros.core.critic_checkpoint import CriticCheckpoints
-from pga_me_ros.core.learner import Learner
-from pga_me_ros.core.policy import controller_shape
+from pga_me_ros.core.learning.critic_learner import CriticLearner
+from pga_me_ros.core.networks.shapes import controller_shape
+from pga_me_ros.core.runs.critic_checkpoints import CriticCheckpoints
+from pga_me_ros.core.runs.start_from import read_controllers
 from pga_me_ros.core.settings import Settings
-from pga_me_ros.core.start_from import read_controllers
 from pga_me_ros.recording.episodes import recorded_run
 from pga_me_ros.replay.__main__ import main
 
@@ -40,7 +40,7 @@ def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def learned(settings: Settings, evaluations: range = range(COUNT)) -> dict[str, np.ndarray]:
     """Return the state of a learner that was fed by hand."""
-    learner = Learner(SPEC, settings)
+    learner = CriticLearner(SPEC, settings)
     for generation in range(COUNT // BATCH):
         ids = range(generation * BATCH, (generation + 1) * BATCH)
         learner.add(generation, [EPISODES[k] for k in ids if k in evaluations])

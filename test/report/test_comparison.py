@@ -11,16 +11,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 from matplotlib.image import imread
-from numpy.typing import NDArray
 from scipy.stats import PermutationMethod, mannwhitneyu
 
-from pga_me_ros.core.elites import Solutions
-from pga_me_ros.core.errors import RequestError
-from pga_me_ros.core.metrics import Metrics, generation_metrics
-from pga_me_ros.core.reevaluations import Reevaluations
-from pga_me_ros.core.run_directory import open_run
+from pga_me_ros.arrays import Float64Array
+from pga_me_ros.core.archive.elites import Solutions
+from pga_me_ros.core.archive.metrics import Metrics, generation_metrics
+from pga_me_ros.core.runs.run_directory import open_run
 from pga_me_ros.core.settings import RATES, Settings
-from pga_me_ros.core.storage import Repertoire
+from pga_me_ros.core.storage.reevaluations import Reevaluations
+from pga_me_ros.core.storage.repertoire import Repertoire
+from pga_me_ros.errors import RequestError
 from pga_me_ros.experiment.plan import COPY
 from pga_me_ros.report.__main__ import compared, draw_comparison, main
 from pga_me_ros.report.compared_run import ComparedRun
@@ -108,7 +108,7 @@ def again(bests: list, run_id: str, dimensions: int) -> Reevaluations:
     )
 
 
-def rows(level: float) -> NDArray[np.float64]:
+def rows(level: float) -> Float64Array:
     return np.array([[1, 2], [3, -1], [2, 5]]) + level
 
 

@@ -4,21 +4,24 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
+import matplotlib as mpl
 import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from pga_me_ros.core.elites import Operator, Solutions
-from pga_me_ros.core.metrics import Metrics, generation_metrics
-from pga_me_ros.core.run_directory import open_run
+from pga_me_ros.core.archive.elites import Solutions
+from pga_me_ros.core.archive.metrics import Metrics, generation_metrics
+from pga_me_ros.core.operators import OPERATORS, Operator
+from pga_me_ros.core.runs.run_directory import open_run
 from pga_me_ros.core.settings import RATES, Settings
-from pga_me_ros.core.storage import Repertoire
+from pga_me_ros.core.storage.repertoire import Repertoire
+from pga_me_ros.core.storage.stored_run import StoredRun
 from pga_me_ros.report.__main__ import draw, table
-from pga_me_ros.report.lineage import LOOKS, draw_lineage
+from pga_me_ros.report.lineage import COLORS, draw_lineage, look
 from pga_me_ros.report.pictures import draw_archive
-from pga_me_ros.report.stored_run import StoredRun
 from pga_me_ros.tasks.registry import task_spec
 
 TASKS = ["qd_hopper", "qd_walker", "qd_ant"]
@@ -60,15 +63,32 @@ def stored(folder: Path, task: str, seed: int) -> Path:
     return path
 
 
-def test_the_lineage_has_the_colour_of_every_operator_that_left_an_elite(tmp_path: Path) -> None:
+def test_the_lineage_has_the_color_of_every_operator_that_left_an_elite(tmp_path: Path) -> None:
     run = StoredRun.load(stored(tmp_path, "qd_walker", 1))
     (_, svg) = draw_lineage(run, tmp_path)
     made = {elite.operator for elite in run.archive.elites()}
     assert made == {Operator.RANDOM, Operator.GA, Operator.PG}
     drawing = svg.read_text()
-    assert {operator for operator, look in LOOKS.items() if look[1] in drawing} - {
+    assert {operator for operator in Operator if look(operator)[0] in drawing} - {
         Operator.GREEDY
     } == made
+
+
+def test_the_lineage_names_whatever_operator_left_an_elite(tmp_path: Path) -> None:
+    run = StoredRun.load(stored(tmp_path, "qd_walker", 1))
+    cells = run.archive.filled_cells()
+    run.archive.operators[cells] = np.arange(len(cells)) % len(Operator)
+    with mpl.rc_context({"svg.fonttype": "none"}):
+        (_, svg) = draw_lineage(run, tmp_path)
+    drawing = svg.read_text()
+    for operator in Operator:
+        assert f">{OPERATORS[operator].title}<" in drawing
+        assert look(operator)[0] in drawing
+
+
+def test_operators_differ_in_color_or_mark_also_when_there_are_more() -> None:
+    assert len({look(operator) for operator in range(3 * len(COLORS))}) == 3 * len(COLORS)
+    assert len({look(operator)[0] for operator in Operator}) == len(Operator)
 
 
 @pytest.mark.parametrize("task", TASKS)
@@ -113,3 +133,12 @@ def test_a_folder_without_a_run_is_told_in_one_line(tmp_path: Path) -> None:
     assert result.stderr.startswith("error: ")
     assert result.stderr.count("\n") == 1
     assert str(tmp_path) in result.stderr
+
+
+def test_a_grid_of_more_bins_than_pixels_is_drawn(
+    new_run: Callable[..., Path], tmp_path: Path
+) -> None:
+    run = StoredRun.load(new_run(archive="grid"))
+    assert run.archive.cells == 1000
+    for file in draw_archive(run, tmp_path):
+        assert file.stat().st_size > 0

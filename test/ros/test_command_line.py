@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from pga_me_ros.core.errors import SettingsError
 from pga_me_ros.core.settings import Settings
-from pga_me_ros.nodes.options import RunOptions
+from pga_me_ros.errors import SettingsError
 from pga_me_ros.ros.command_line import Program, check, node_name, remappings, start
+from pga_me_ros.ros.options import RunOptions
 from pga_me_ros.ros.parameter_help import parameter_list, parameter_table
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "scripts"))
@@ -75,9 +75,9 @@ def test_help_is_printed_without_starting_ros(
 
 def test_help_tells_everything_about_a_parameter() -> None:
     assert (
-        "  n_evo* = 50 offspring; 0 to 100000; paper: n_evo\n"
-        "      Offspring per generation by genetic variation; batch_size makes it standard MAP-Elites, 0\n"
-        "      PG only.\n"
+        "  n_evo* = -1 offspring; -1 to 100000; paper: n_evo\n"
+        "      Offspring per generation by genetic variation; batch_size: standard MAP-Elites, 0: policy\n"
+        "      gradients only, -1: the algorithm's own number (half the batch).\n"
     ) in parameter_list(Settings)
 
 

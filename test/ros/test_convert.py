@@ -11,13 +11,14 @@ import pytest
 from builtin_interfaces.msg import Time
 from pga_me_msgs.msg import Transitions
 
-from pga_me_ros.core.elites import Elite, Operator
-from pga_me_ros.core.errors import NetworkError, RequestError
-from pga_me_ros.core.metrics import Metrics
-from pga_me_ros.core.policy import MlpShape, random_parameters
-from pga_me_ros.core.run_info import RunInfo
+from pga_me_ros.core.archive.elites import Elite
+from pga_me_ros.core.archive.metrics import Metrics
+from pga_me_ros.core.networks.mlp import MlpShape, random_parameters
+from pga_me_ros.core.operators import Operator
 from pga_me_ros.core.settings import RATES, Settings
 from pga_me_ros.core.snapshot import Snapshot
+from pga_me_ros.core.storage.run_info import RunInfo
+from pga_me_ros.errors import NetworkError, RequestError
 from pga_me_ros.ros import convert
 from pga_me_ros.tasks.registry import task_spec
 from pga_me_ros.tasks.rollout import Episode
@@ -38,10 +39,10 @@ CRITIC, GREEDY = MlpShape((18, 5, 1)), MlpShape((15, 5, 3))
 SNAPSHOT = Snapshot(
     generation=4,
     version=1200,
-    critic_shape=CRITIC,
-    critic=random_parameters(CRITIC, RNG),
-    greedy_shape=GREEDY,
-    greedy=random_parameters(GREEDY, RNG),
+    networks={
+        "critic": (CRITIC, random_parameters(CRITIC, RNG)),
+        "greedy": (GREEDY, random_parameters(GREEDY, RNG)),
+    },
     states=RNG.normal(size=(2, 3, 4, 15)).astype(np.float32),
     transitions=900,
     critic_loss=0.25,
@@ -49,11 +50,12 @@ SNAPSHOT = Snapshot(
 )
 ES_SNAPSHOT = replace(
     SNAPSHOT,
-    critic_shape=None,
-    critic=np.empty(0, np.float32),
+    networks={
+        "greedy": SNAPSHOT.network("greedy"),
+        "center": (GREEDY, random_parameters(GREEDY, RNG)),
+    },
     states=np.empty((0, 0, 0, 0), np.float32),
     transitions=0,
-    center=random_parameters(GREEDY, RNG),
 )
 INFO = RunInfo("r", Settings().to_dict(), SPEC.to_json(), (15, 8, 3), ("relu", "tanh"), {}, "now")
 
@@ -71,6 +73,12 @@ def assert_same_fields(got: Any, expected: Any) -> None:
         if isinstance(value, np.ndarray):
             assert (other.dtype, other.shape) == (value.dtype, value.shape), name
             assert other.tobytes() == value.tobytes(), name
+        elif name == "networks":
+            assert list(other) == list(value)
+            for key, (shape, parameters) in value.items():
+                assert other[key][0] == shape
+                assert other[key][1].dtype == parameters.dtype
+                assert other[key][1].tobytes() == parameters.tobytes()
         else:
             assert other == value, name
 
@@ -103,7 +111,11 @@ def test_a_malformed_episode_is_refused(changes: dict[str, Any], words: str) -> 
         convert.episode_from_msg(transitions(**changes), SPEC)
 
 
-DIVERSE = replace(SNAPSHOT, diversity_critic=random_parameters(CRITIC, RNG))
+DIVERSE = replace(
+    SNAPSHOT,
+    networks={**SNAPSHOT.networks, "diversity_critic": (CRITIC, random_parameters(CRITIC, RNG))},
+)
+NUMBERS = CRITIC.parameter_count + GREEDY.parameter_count
 
 
 @pytest.mark.parametrize(
@@ -119,11 +131,16 @@ def test_a_snapshot_comes_back_bit_for_bit(snapshot: Snapshot) -> None:
     [
         ("n_grad", 4, RequestError, "'states' has 360 entries"),
         ("batch_size", -4, RequestError, "'states' has 360 entries"),
-        ("critic_sizes", [18, 6, 1], NetworkError, r"layers \[18, 6, 1\] take \(121,\)"),
-        ("diversity_critic", convert.flat([0.5] * 3, "f"), NetworkError, r"take \(\d+,\)"),
-        ("greedy", convert.flat([math.nan] * 98, "f"), NetworkError, "Parameter 0 is nan"),
-        ("critic_sizes", [], RequestError, "'critic' has entries, but 'critic_sizes' has none"),
-        ("center", convert.flat([0.0] * 97, "f"), NetworkError, r"shape \(97,\)"),
+        ("layer_sizes", [18, 5, 1, 15, 6, 3], NetworkError, r"layers \[15, 6, 3\] take \(117,\)"),
+        ("layer_sizes", [18, 5, 1, 15, 4, 3], RequestError, "has 199 entries, .* take 180"),
+        ("layer_sizes", [], RequestError, "has 0 entries, but 'layer_counts' adds up to 6"),
+        ("layer_counts", [7, -1], RequestError, "has 6 entries"),
+        ("layer_counts", [3], RequestError, "have 2 and 1 entries"),
+        ("networks", ["critic", "critic"], RequestError, "1 names differ"),
+        ("networks", [], RequestError, "have 0 and 2 entries"),
+        ("parameters", convert.flat([math.nan] * NUMBERS, "f"), NetworkError, "0 is nan"),
+        ("parameters", convert.flat([0.5] * (NUMBERS - 1), "f"), NetworkError, r"shape \(97,\)"),
+        ("parameters", convert.flat([0.5] * (NUMBERS + 1), "f"), RequestError, "has 200 entries"),
     ],
 )
 def test_a_malformed_snapshot_is_refused(field: str, value: Any, error: type, words: str) -> None:
@@ -162,7 +179,10 @@ def test_an_elite_names_who_made_it(
         3, 1.5, np.array([0.25]), np.zeros(2, np.float32), 40, 4, operator, *parents, 9, True
     )
     msg = convert.behavior_to_msg(elite)
-    assert (msg.made_by, list(msg.parents)) == (made_by, [p for p in parents if p >= 0])
+    assert (msg.made_by, list(msg.parents)) == (
+        made_by,
+        [p for p in parents if p >= 0],
+    )
     assert (msg.cell, msg.fitness, list(msg.descriptor), msg.steps) == (3, 1.5, [0.25], 9)
 
 

@@ -16,18 +16,16 @@ import rclpy
 from domain_coordinator import domain_id
 from rclpy.context import Context
 
-from pga_me_ros.core.errors import SettingsError
-from pga_me_ros.ros.environment import (
+from pga_me_ros.errors import SettingsError
+from pga_me_ros.ros.dds_choices import (
     DISCOVERY_RANGE,
     LOCALHOST_ONLY,
     OUR_PROFILES,
     PROFILES,
     QOS_FROM_PROFILES,
-    SECURITY,
-    has_dds_security,
     is_local,
-    prepare_environment,
 )
+from pga_me_ros.ros.environment import SECURITY, has_dds_security, prepare_environment
 
 DEADLINE = 60.0
 

@@ -7,9 +7,9 @@ import sys
 
 from domain_coordinator import domain_id
 
-from pga_me_ros.core.policy import controller_shape
+from pga_me_ros.core.networks.shapes import controller_shape
 from pga_me_ros.core.settings import Settings
-from pga_me_ros.ros.environment import PROFILES, QOS_FROM_PROFILES
+from pga_me_ros.ros.dds_choices import PROFILES, QOS_FROM_PROFILES
 from pga_me_ros.tasks.registry import load_task
 
 LARGEST_SEGMENT = """

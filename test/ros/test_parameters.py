@@ -14,10 +14,10 @@ from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from pga_me_ros.core.errors import SettingsError
-from pga_me_ros.core.setting_field import setting
 from pga_me_ros.core.settings import RATES, Settings
-from pga_me_ros.nodes.options import RunOptions
+from pga_me_ros.core.settings.field import setting
+from pga_me_ros.errors import SettingsError
+from pga_me_ros.ros.options import RunOptions
 from pga_me_ros.ros.parameters import declare, declare_run, descriptor, on_change
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from pga_me_ros.core.errors import SettingsError
+from pga_me_ros.errors import SettingsError
 from pga_me_ros.ros.params_file import matches, sections
 
 

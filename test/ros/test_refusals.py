@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from pga_me_ros.core.errors import RequestError
+from pga_me_ros.errors import RequestError
 from pga_me_ros.ros.convert import MOST_LAYERS, layers_from_msg
 from pga_me_ros.ros.refusals import BURST, LONGEST, CalmRefusals, printable
 

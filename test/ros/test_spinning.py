@@ -15,7 +15,7 @@ from rclpy.context import Context
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from std_srvs.srv import Trigger
 
-from pga_me_ros.core.errors import PgaError
+from pga_me_ros.errors import PgaError
 from pga_me_ros.ros.graph_node import GraphNode
 from pga_me_ros.ros.spinning import EndingNode, spin
 

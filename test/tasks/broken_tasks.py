@@ -207,3 +207,99 @@ class Diverges(Point):
         if self.steps == 10:
             return np.full(2, np.nan, np.float32), float("nan"), True
         return observation, reward, fell
+
+
+class SameArrays(Point):
+    """Returns the same arrays again and again, filled anew each time."""
+
+    def __init__(self, *, render: bool = False) -> None:
+        super().__init__(render=render)
+        self._observation, self._descriptor = np.zeros(2, np.float32), np.zeros(1)
+
+    def reset(self, rng: np.random.Generator) -> Any:
+        self._observation[:] = super().reset(rng)
+        return self._observation
+
+    def step(self, action: Any) -> Any:
+        self._observation[:], reward, fell = super().step(action)
+        return self._observation, reward, fell
+
+    def descriptor(self) -> Any:
+        self._descriptor[:] = super().descriptor()
+        return self._descriptor
+
+
+class SameArrayThatRemembers(SameArrays):
+    """Its descriptor depends on the episodes before."""
+
+    episodes = 0
+
+    def reset(self, rng: np.random.Generator) -> Any:
+        self.episodes += 1
+        return super().reset(rng)
+
+    def descriptor(self) -> Any:
+        self._descriptor[:] = super().descriptor() / self.episodes
+        return self._descriptor
+
+
+class HugeReward(Point):
+    """A reward that float64 holds and float32 does not."""
+
+    def step(self, action: Any) -> Any:
+        observation, _, fell = super().step(action)
+        return observation, 1e39, fell
+
+
+class HugeRewardAtTheEnd(Point):
+    """A simulation that explodes in its tenth step, and says so."""
+
+    def step(self, action: Any) -> Any:
+        observation, reward, fell = super().step(action)
+        return (observation, -1e300, True) if self.steps == 10 else (observation, reward, fell)
+
+
+class LateHugeReward(Point):
+    def step(self, action: Any) -> Any:
+        observation, reward, fell = super().step(action)
+        return observation, 1e39 if self.steps == 20 else reward, fell
+
+
+class FailsLate(Point):
+    """Fails near the end of a long episode only."""
+
+    spec = dataclasses.replace(SPEC, max_steps=200)
+
+    def step(self, action: Any) -> Any:
+        observation, reward, _ = super().step(0.0 * np.asarray(action))
+        if self.steps == 190:
+            raise RuntimeError("buffer is full")
+        return observation, reward, False
+
+
+class NanDescriptor(Point):
+    def descriptor(self) -> Any:
+        return super().descriptor() if self.steps < 5 else np.array([np.nan])
+
+
+class ShortObservation(Point):
+    def step(self, action: Any) -> Any:
+        observation, reward, fell = super().step(action)
+        return observation if self.steps < 5 else observation[:1], reward, fell
+
+
+class StartExits(Point):
+    def __init__(self, *, render: bool = False) -> None:
+        raise SystemExit("no license")
+
+
+class StepExits(Point):
+    def step(self, action: Any) -> Any:
+        if self.steps == 5:
+            raise SystemExit(0)
+        return super().step(action)
+
+
+class CloseExits(Point):
+    def close(self) -> None:
+        raise SystemExit(0)

@@ -9,8 +9,9 @@ from pathlib import Path
 import broken_tasks
 import pytest
 
+from pga_me_ros.errors import TaskError
 from pga_me_ros.tasks.check import check_task, main
-from pga_me_ros.tasks.registry import BUILT_IN, load_task
+from pga_me_ros.tasks.registry import BUILT_IN, load_task, make_task
 
 
 @pytest.mark.parametrize("name", list(BUILT_IN))
@@ -18,7 +19,10 @@ def test_built_in_tasks_follow_the_protocol(name: str) -> None:
     assert check_task(load_task(name)) == []
 
 
-@pytest.mark.parametrize("name", ["Point", "Diverges", "TellsItsSide", "TellsItsSideLate"])
+@pytest.mark.parametrize(
+    "name",
+    ["Point", "Diverges", "TellsItsSide", "TellsItsSideLate", "SameArrays", "HugeRewardAtTheEnd"],
+)
 def test_sound_task_has_no_findings(name: str) -> None:
     assert check_task(getattr(broken_tasks, name)) == []
 
@@ -34,8 +38,8 @@ def test_sound_task_has_no_findings(name: str) -> None:
         ("LongObservation", "shape (3,)"),
         ("NanObservation", "holds NaN"),
         ("GymStep", "expected (observation, reward, terminated)"),
-        ("NumpyReward", "reward is float64"),
-        ("NumpyTerminated", "terminated is bool"),
+        ("NumpyReward", "reward is numpy.float64"),
+        ("NumpyTerminated", "terminated is numpy.bool; expected bool"),
         ("WideDescriptor", "the spec says 0.0 to 1.0"),
         ("TellsSomethingElse", "not the mean of the observation entries ['position']"),
         ("RemembersPose", "after others had run"),
@@ -44,6 +48,15 @@ def test_sound_task_has_no_findings(name: str) -> None:
         ("TakesNan", "accepted an action of NaN"),
         ("WrongErrorForNan", "raise NonFiniteActionError"),
         ("SpoiltByNan", "changed the episodes after it"),
+        ("SameArrayThatRemembers", "after others had run"),
+        ("HugeReward", "step's reward is 1e+39; expected a finite number within"),
+        ("LateHugeReward", "its reward in step 20 is 1e+39"),
+        ("NanDescriptor", "gave the descriptor [nan]"),
+        ("FailsLate", "RuntimeError: buffer is full"),
+        ("ShortObservation", "observation of shape (1,) in step 5"),
+        ("StartExits", "__init__() raised SystemExit: no license"),
+        ("StepExits", "called sys.exit(0)"),
+        ("CloseExits", "close() raised SystemExit"),
         ("ClosesOnce", "a second close() raised"),
     ],
 )
@@ -69,6 +82,20 @@ def test_command_line_names_findings_and_fails() -> None:
     lines = result.stdout.splitlines()
     assert lines[0] == "broken_tasks:Point: follows the task protocol"
     assert "did you mean 'qd_walker'?" in lines[1]
+
+
+def test_module_that_exits_while_it_loads_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "exits_at_once.py").write_text("raise SystemExit(0)\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    assert main(["exits_at_once:Task"]) == 1
+    assert "does not load (SystemExit: 0)" in capsys.readouterr().out
+
+
+def test_task_that_exits_when_it_starts_is_told() -> None:
+    with pytest.raises(TaskError, match=r"does not start \(SystemExit: no license\)"):
+        make_task("broken_tasks:StartExits")
 
 
 def test_command_line_without_a_task_shows_its_usage(capsys: pytest.CaptureFixture[str]) -> None:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from pga_me_ros.core.elites import Operator
+from pga_me_ros.core.operators import Operator
 from pga_me_ros.core.search import Search
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.tasks.registry import load_task

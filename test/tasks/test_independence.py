@@ -10,9 +10,10 @@ import numpy as np
 import pybullet
 import pytest
 
-from pga_me_ros.core.policy import Controller, MlpShape
-from pga_me_ros.core.schedule import evaluation_rng
-from pga_me_ros.tasks.locomotion import QDWalker
+from pga_me_ros.core.evaluation import evaluation_rng
+from pga_me_ros.core.networks.controller import MlpController
+from pga_me_ros.core.networks.mlp import MlpShape
+from pga_me_ros.tasks.bullet.locomotion import QDWalker
 from pga_me_ros.tasks.protocol import NonFiniteActionError
 from pga_me_ros.tasks.registry import BUILT_IN, load_task
 from pga_me_ros.tasks.rollout import Episode, rollout
@@ -118,7 +119,7 @@ def test_world_that_left_the_numbers_is_built_anew(task: Any) -> None:
 def test_contacts_of_the_last_episode_do_not_push_in_the_next():
     with np.load(DATA / "walker_leftover_contacts.npz") as stored:
         shape = MlpShape(tuple(stored["sizes"].tolist()))
-        first, second = (Controller(shape, stored[name]) for name in ("first", "second"))
+        first, second = (MlpController(shape, stored[name]) for name in ("first", "second"))
     used, fresh = QDWalker(), QDWalker()
     rollout(
         used, first, evaluation_rng(0, 19)

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from broken_tasks import Point
 
-from pga_me_ros.core.errors import TaskError
+from pga_me_ros.errors import TaskError
 from pga_me_ros.tasks.registry import BUILT_IN, load_task, task_spec
 
 ROOT = Path(__file__).parents[2]

@@ -6,9 +6,20 @@ import dataclasses
 
 import numpy as np
 import pytest
-from broken_tasks import Diverges, LateNan, Point
+from broken_tasks import (
+    Diverges,
+    HugeReward,
+    HugeRewardAtTheEnd,
+    LateHugeReward,
+    LateNan,
+    NanDescriptor,
+    Point,
+    SameArrays,
+    ShortObservation,
+    StepExits,
+)
 
-from pga_me_ros.core.errors import TaskError
+from pga_me_ros.errors import TaskError
 from pga_me_ros.tasks.protocol import DivergedError, NonFiniteActionError
 from pga_me_ros.tasks.registry import load_task
 from pga_me_ros.tasks.rollout import Episode, rollout
@@ -77,6 +88,67 @@ def test_divergence_ends_the_episode_before_the_step_that_diverged() -> None:
     episode = run(Diverges())
     assert (episode.length, episode.terminated) == (9, True)
     assert np.isfinite(episode.states).all()
+
+
+@pytest.mark.parametrize("steps", [None, 20])
+def test_a_task_may_return_the_same_arrays_again_and_again(steps: int | None) -> None:
+    same, plain = SameArrays(), Point()
+    for force in (0.9, 0.1, -0.9):
+        action = np.array([force], np.float32)
+        kept = [run(task, lambda _, a=action: a, steps) for task in (same, plain)]
+        if force == 0.9:
+            first = kept
+    for one, other in (first, kept):
+        for name in ("states", "actions", "rewards", "descriptor"):
+            assert np.array_equal(getattr(one, name), getattr(other, name)), name
+    assert first[0].descriptor != kept[0].descriptor
+
+
+def test_an_episode_has_arrays_of_its_own() -> None:
+    given = {name: np.ones((2, 2), np.float32) for name in ("states", "actions", "rewards")}
+    given["descriptor"] = np.ones(2)
+    episode = Episode(**given, fitness=1.0, terminated=False)
+    for array in given.values():
+        array[:] = 7.0
+    assert all((getattr(episode, name) == 1.0).all() for name in given)
+
+
+@pytest.mark.parametrize("task", [HugeReward, LateHugeReward])
+def test_reward_beyond_float32_is_refused_with_its_value(task: type[Point]) -> None:
+    with pytest.raises(DivergedError, match=r"float32: its reward in step (1|20) is 1e\+39;"):
+        run(task())
+
+
+def test_reward_beyond_float32_that_ends_the_episode_is_a_divergence() -> None:
+    episode = run(HugeRewardAtTheEnd())
+    assert (episode.length, episode.terminated) == (9, True)
+    assert np.isfinite(episode.rewards).all()
+
+
+def test_greatest_float32_reward_is_kept() -> None:
+    largest = float(np.finfo(np.float32).max)
+
+    class Largest(Point):
+        def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool]:
+            observation, _, fell = super().step(action)
+            return observation, -largest, fell
+
+    assert (run(Largest(), steps=3).rewards == np.float32(-largest)).all()
+
+
+def test_descriptor_that_is_not_finite_is_told_with_its_value() -> None:
+    with pytest.raises(TaskError, match=r"gave the descriptor \[nan\]; expected 1 finite numbers"):
+        run(NanDescriptor())
+
+
+def test_observation_of_the_wrong_shape_is_told() -> None:
+    with pytest.raises(TaskError, match=r"observation of shape \(1,\) in step 5; expected \(2,\)"):
+        run(ShortObservation())
+
+
+def test_task_that_exits_in_a_step_is_told() -> None:
+    with pytest.raises(TaskError, match=r"called sys.exit\(0\)"):
+        run(StepExits())
 
 
 def test_divergence_that_the_task_does_not_report_is_refused() -> None:

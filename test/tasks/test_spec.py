@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 from broken_tasks import SPEC
 
-from pga_me_ros.core.errors import TaskError
+from pga_me_ros.errors import TaskError
 from pga_me_ros.tasks.registry import BUILT_IN, task_spec
 from pga_me_ros.tasks.spec import TaskSpec
 

@@ -1,0 +1,18 @@
+"""What another robot's node imports: ask a repertoire for behaviors and run them; needs rclpy and NumPy alone."""
+
+from __future__ import annotations
+
+from pga_me_ros.client.behaviors import Behavior, Controller, ListedBehavior, RepertoireInfo
+from pga_me_ros.client.patient_caller import BlockedExecutorError, RepertoireTimeoutError
+from pga_me_ros.client.repertoire_client import BehaviorNotFoundError, RepertoireClient
+
+__all__ = [
+    "Behavior",
+    "BehaviorNotFoundError",
+    "BlockedExecutorError",
+    "Controller",
+    "ListedBehavior",
+    "RepertoireClient",
+    "RepertoireInfo",
+    "RepertoireTimeoutError",
+]

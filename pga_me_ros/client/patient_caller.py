@@ -1,0 +1,230 @@
+"""Service calls for other nodes' programs: they wait for the service, end by a deadline, and never deadlock."""
+
+from __future__ import annotations
+
+import sys
+import threading
+import time
+from collections.abc import Callable
+from functools import partial
+from types import FrameType
+from typing import Any, TypeVar
+
+from rclpy import executors
+from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.client import Client
+from rclpy.clock import Clock, ClockType
+from rclpy.executors import Executor, SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.task import Future
+
+from pga_me_ros.errors import PgaError
+from pga_me_ros.ros.dds_choices import other_users_note
+
+TICK = 0.05
+"""Seconds between two looks at whether the service is there and the deadline has passed."""
+
+SPIN_GRACE = 0.5
+"""Seconds past the deadline that the node's executor gets to notice it, before its absence is taken for the cause."""
+
+Result = TypeVar("Result")
+
+
+class RepertoireTimeoutError(PgaError):
+    """The service was not there, or gave no answer, before the deadline."""
+
+
+class BlockedExecutorError(PgaError):
+    """A blocking call was made in a callback, where waiting would keep its own answer from arriving."""
+
+
+class PendingCall:
+    """One call under way.
+
+    Args:
+        node: Node that calls.
+        client: Client of the service.
+        request: The request.
+        read: Turns the response into the result, or raises.
+        timeout: Seconds until the call fails.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        client: Client,
+        request: Any,
+        read: Callable[[Any], Any],
+        timeout: float,
+    ) -> None:
+        self.future = Future(executor=node.executor)
+        self._name = node.resolve_service_name(client.srv_name)
+        self.ended = threading.Event()
+        self._ending = False
+        self.deadline = time.monotonic() + timeout
+        self._client = client
+        self._request = request
+        self._read = read
+        self._timeout = timeout
+        self._answer: Future | None = None
+        self._lock = threading.Lock()
+
+    def advance(self) -> bool:
+        """Send the request once the service is there; fail when the deadline has passed.
+
+        Returns:
+            Whether the call has ended.
+        """
+        with self._lock:
+            if self._answer is None and not self._ending and self._client.service_is_ready():
+                self._answer = self._client.call_async(self._request)
+                self._answer.add_done_callback(self._answered)
+        if self.future.cancelled():
+            self._end(lambda: None)
+        elif time.monotonic() >= self.deadline:
+            self.fail(self._reason())
+        return self.ended.is_set()
+
+    def fail(self, reason: str) -> None:
+        """End the call without an answer, unless it has ended."""
+        self._end(lambda: self.future.set_exception(RepertoireTimeoutError(reason)))
+
+    def _answered(self, answer: Future) -> None:
+        try:
+            result = self._read(answer.result())
+        except Exception as error:
+            self._end(partial(self.future.set_exception, error))
+        else:
+            self._end(lambda: self.future.set_result(result))
+
+    def _end(self, settle: Callable[[], None]) -> None:
+        with self._lock:
+            if self._ending:
+                return
+            self._ending = True
+        if self._answer is not None:
+            self._client.remove_pending_request(self._answer)
+        if not self.future.cancelled():
+            settle()
+        self.ended.set()  # last: whoever waits for it reads the future at once
+
+    def _reason(self) -> str:
+        name = self._name
+        if self._answer is None:
+            return (
+                f"Service {name} was not there within {self._timeout:g} s; start the orchestrator or an "
+                f"archive_manager, and check ROS_DOMAIN_ID, namespace and remappings.{other_users_note()}"
+            )
+        return (
+            f"Service {name} gave no answer within {self._timeout:g} s; its node may be busy or have "
+            f"died just now. Ask again, or give a longer timeout.{other_users_note()}"
+        )
+
+
+class PatientCaller:
+    """Makes calls for one node.
+
+    It never spins a node that is spun elsewhere; a node that nobody spins it spins by itself while a call blocks.
+
+    Args:
+        node: The node.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        # Lets a MultiThreadedExecutor take an answer while a callback of the node waits for it.
+        self.group = ReentrantCallbackGroup()
+        self._lock = threading.Lock()
+        self._spinning = threading.Lock()
+        self._pending: list[PendingCall] = []
+        # Wall clocks jump, and simulated ones stand still.
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._timer = node.create_timer(TICK, self._tick, self.group, steady, autostart=False)
+
+    def start(
+        self, client: Client, request: Any, read: Callable[[Any], Result], timeout: float
+    ) -> PendingCall:
+        """Start a call; its future ends while the node is spun."""
+        call = PendingCall(self._node, client, request, read, timeout)
+        if not call.advance():
+            with self._lock:
+                self._pending.append(call)
+            self._timer.reset()
+            executor = self._executor()
+            if executor is not None:  # it may wait for something else without looking at the timer
+                executor.wake()
+        return call
+
+    def result(self, call: PendingCall) -> Any:
+        """Wait for the end of a call and return its result.
+
+        Raises:
+            BlockedExecutorError: This is a callback of the executor that would have to take the answer.
+            RepertoireTimeoutError: The deadline has passed.
+        """
+        executor = self._executor()
+        if executor is not None and _runs_here(executor):
+            call.future.cancel()
+            raise BlockedExecutorError(
+                "A blocking call inside a callback would wait for ever for its own executor. Use the form that "
+                "ends in _async, with await or add_done_callback, or call from another thread."
+            )
+        while not call.ended.wait(0.0 if self._spin_for(call) else TICK):
+            if time.monotonic() > call.deadline + SPIN_GRACE:
+                call.fail(
+                    f"The executor of node '{self._node.get_name()}' took no answer before the deadline; spin it in "
+                    "a thread of its own, or keep its callbacks short."
+                )
+        return call.future.result()
+
+    def close(self) -> None:
+        """Destroy the timer."""
+        self._node.destroy_timer(self._timer)
+
+    def _executor(self) -> Executor | None:
+        """Return the executor that the node belongs to now; rclpy.spin_once leaves an old one behind."""
+        executor = self._node.executor
+        return executor if executor is not None and self._node in executor.get_nodes() else None
+
+    def _spin_for(self, call: PendingCall) -> bool:
+        """Spin the node until a call has ended if nobody else does.
+
+        Returns:
+            Whether it was spun.
+        """
+        if self._executor() is not None or not self._spinning.acquire(blocking=False):
+            return False
+        executor = SingleThreadedExecutor(context=self._node.context)
+        try:
+            executor.add_node(self._node)
+            while not call.ended.is_set() and self._executor() is executor:
+                executor.spin_once(timeout_sec=TICK)
+        finally:
+            executor.remove_node(self._node)
+            executor.shutdown()
+            self._spinning.release()
+        return True
+
+    def _tick(self) -> None:
+        with self._lock:
+            calls, self._pending = self._pending, []
+        # Without the lock: the end of a call may run a done callback that starts the next one.
+        left = [call for call in calls if not call.advance()]
+        with self._lock:
+            self._pending += left
+            if self._pending:
+                self._timer.reset()  # another thread's tick may have found nothing left to do
+            else:
+                self._timer.cancel()
+
+
+def _runs_here(executor: Executor) -> bool:
+    """Return whether the present thread is in a callback of an executor."""
+    frame: FrameType | None = sys._getframe()
+    while frame is not None:
+        if frame.f_code.co_filename == executors.__file__ and (
+            frame.f_locals.get("self") is executor
+        ):
+            return True
+        frame = frame.f_back
+    return False

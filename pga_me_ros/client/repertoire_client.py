@@ -1,0 +1,290 @@
+"""What another robot node imports: ask a repertoire for behaviors, and run them. Needs rclpy and NumPy alone.
+
+::
+
+    repertoire = RepertoireClient(node)
+    behavior = repertoire.get_behavior(descriptor=[0.9, 0.1], min_fitness=500.0)
+    action = behavior.controller(observation)  # every behavior.controller.control_period seconds
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
+
+from pga_me_msgs.srv import GetBehavior, GetBehaviors, GetInfo, ListBehaviors
+from rclpy.client import Client
+from rclpy.node import Node
+from rclpy.task import Future
+
+from pga_me_ros.client.behaviors import Behavior, ListedBehavior, RepertoireInfo
+from pga_me_ros.client.patient_caller import (
+    PatientCaller,
+    PendingCall,
+)
+from pga_me_ros.client.requests import behavior_request, behaviors_request, limit_fitness
+from pga_me_ros.errors import PgaError, RequestError
+from pga_me_ros.ros import names, qos
+
+TIMEOUT = 10.0
+"""Seconds; discovery between processes takes up to 4."""
+
+PAGE = 500
+"""Behaviors per answer while listing."""
+
+
+class BehaviorNotFoundError(PgaError):
+    """No behavior fits, or the request does not fit the repertoire; the message says why."""
+
+
+class RepertoireClient:
+    """Asks a repertoire for behaviors.
+
+    The plain methods block and raise. They work in a main program whose node nobody spins (they spin it meanwhile, its
+    other callbacks included), and in any thread while another one spins the node. Inside a callback use the methods
+    that end in ``_async``: they return a future at once, to await or to add a callback to.
+
+    Args:
+        node: Node to ask through.
+        prefix: Namespace of the repertoire, such as ``/left``; empty for the node's own.
+        timeout: Seconds after which a call fails, waiting for the service included.
+    """
+
+    def __init__(self, node: Node, prefix: str = "", timeout: float = TIMEOUT) -> None:
+        _check_timeout(timeout)
+        self._node = node
+        self._timeout = timeout
+        self._caller = PatientCaller(node)
+        self._behavior = self._client(GetBehavior, prefix, names.GET_BEHAVIOR)
+        self._behaviors = self._client(GetBehaviors, prefix, names.GET_BEHAVIORS)
+        self._list = self._client(ListBehaviors, prefix, names.LIST_BEHAVIORS)
+        self._info = self._client(GetInfo, prefix, names.GET_INFO)
+
+    def get_behavior(self, **wanted: Any) -> Behavior:
+        """Return a behavior with its controller.
+
+        Args:
+            wanted: As in `get_behavior_async`.
+
+        Raises:
+            BehaviorNotFoundError: None fits.
+            RepertoireTimeoutError: No answer before the deadline.
+            BlockedExecutorError: Called in a callback of the node's executor. rclpy's events executor does not show
+                that it is the one: there such a call ends at its deadline.
+            RequestError: The arguments make no sense.
+            NetworkError: The answer's controller is malformed.
+        """
+        return self._caller.result(self._ask_behavior(**wanted))
+
+    def get_behavior_async(
+        self,
+        *,
+        descriptor: Sequence[float] | None = None,
+        cell: int | None = None,
+        best: bool = False,
+        random: bool = False,
+        max_distance: float | None = None,
+        min_fitness: float | None = None,
+        by_mean: bool = False,
+        timeout: float | None = None,
+    ) -> Future:
+        """Ask for a behavior, chosen in one of four ways.
+
+        Args:
+            descriptor: d numbers; the behavior with the nearest descriptor.
+            cell: Number of a cell; its behavior.
+            best: The fittest behavior.
+            random: Any behavior, each with the same probability.
+            max_distance: Greatest Euclidean distance to the wanted descriptor, each dimension in shares of its range
+                (high - low); None for any.
+            min_fitness: Least fitness, None for any.
+            by_mean: Whether fitness and descriptor are to be the means of re-evaluations; others are left out.
+            timeout: Seconds after which the call fails, None for the client's own.
+
+        Returns:
+            Future of a `Behavior`; its result() raises what `get_behavior` raises.
+
+        Raises:
+            RequestError: The arguments make no sense.
+        """
+        call = self._ask_behavior(
+            descriptor=descriptor,
+            cell=cell,
+            best=best,
+            random=random,
+            max_distance=max_distance,
+            min_fitness=min_fitness,
+            by_mean=by_mean,
+            timeout=timeout,
+        )
+        return call.future
+
+    def get_behaviors(
+        self, descriptor: Sequence[float], count: int, **limits: Any
+    ) -> tuple[Behavior, ...]:
+        """Return the behaviors with the nearest descriptors, nearest first, each with its controller.
+
+        Args:
+            descriptor: d numbers.
+            count: Most behaviors to return, 1 to 1000.
+            limits: max_distance, min_fitness, by_mean and timeout as in `get_behavior_async`.
+
+        Raises:
+            RequestError: The arguments make no sense, to this side or the repertoire's.
+            RepertoireTimeoutError: As in `get_behavior`.
+            BlockedExecutorError: As in `get_behavior`.
+            NetworkError: A controller in the answer is malformed.
+
+        Returns:
+            As many as fit, perhaps none.
+        """
+        return self._caller.result(self._ask_behaviors(descriptor, count, **limits))
+
+    def get_behaviors_async(self, descriptor: Sequence[float], count: int, **limits: Any) -> Future:
+        """Ask for the nearest behaviors; returns a future of what `get_behaviors` returns."""
+        return self._ask_behaviors(descriptor, count, **limits).future
+
+    def list_behaviors(
+        self,
+        *,
+        min_fitness: float | None = None,
+        by_mean: bool = False,
+        page: int = PAGE,
+        timeout: float | None = None,
+    ) -> Iterator[ListedBehavior]:
+        """Yield all behaviors without their controllers, fittest first.
+
+        Asks for one page at a time, as far as it is read. When a run adds behaviors meanwhile, each cell is still
+        yielded once at most.
+
+        Args:
+            min_fitness: Least fitness, None for any.
+            by_mean: Whether fitness is to be the mean of re-evaluations; those without are left out.
+            page: Behaviors per answer, 1 to 10,000.
+            timeout: Seconds after which an answer is missed, None for the client's own.
+
+        Raises:
+            RequestError: The service did not accept the arguments.
+            RepertoireTimeoutError: As in `get_behavior`.
+            BlockedExecutorError: As in `get_behavior`.
+        """
+        seen: set[int] = set()
+        offset = 0
+        while True:
+            call = self._ask_list(offset, page, min_fitness, by_mean, timeout)
+            total, behaviors = self._caller.result(call)
+            for behavior in behaviors:
+                if behavior.cell not in seen:
+                    seen.add(behavior.cell)
+                    yield behavior
+            offset += page
+            if offset >= total:
+                return
+
+    def list_behaviors_async(
+        self,
+        offset: int = 0,
+        limit: int = PAGE,
+        *,
+        min_fitness: float | None = None,
+        by_mean: bool = False,
+        timeout: float | None = None,
+    ) -> Future:
+        """Ask for one page of behaviors, fittest first.
+
+        Args:
+            offset: Behaviors to pass over.
+            limit: Most behaviors to return, 1 to 10,000.
+            min_fitness: Least fitness, None for any.
+            by_mean: As in `list_behaviors`.
+            timeout: Seconds after which the call fails, None for the client's own.
+
+        Returns:
+            Future of the number of behaviors that fit, and the page as a tuple of `ListedBehavior`.
+        """
+        return self._ask_list(offset, limit, min_fitness, by_mean, timeout).future
+
+    def get_info(self, *, timeout: float | None = None) -> RepertoireInfo:
+        """Return what the repertoire is and how far it has come.
+
+        Raises:
+            RepertoireTimeoutError: As in `get_behavior`.
+            BlockedExecutorError: As in `get_behavior`.
+        """
+        return self._caller.result(self._ask_info(timeout))
+
+    def get_info_async(self, *, timeout: float | None = None) -> Future:
+        """Ask what the repertoire is; returns a future of a `RepertoireInfo`."""
+        return self._ask_info(timeout).future
+
+    def close(self) -> None:
+        """Destroy the clients; only while the node is not spun. Destroying the node does it too."""
+        self._caller.close()
+        for client in (self._behavior, self._behaviors, self._list, self._info):
+            self._node.destroy_client(client)
+
+    def _client(self, srv_type: Any, prefix: str, name: str) -> Client:
+        full = f"{prefix.rstrip('/')}/{name}" if prefix else name
+        return self._node.create_client(
+            srv_type, full, qos_profile=qos.CLIENT, callback_group=self._caller.group
+        )
+
+    def _ask_behavior(self, *, timeout: float | None = None, **wanted: Any) -> PendingCall:
+        request = behavior_request(**wanted)
+        return self._start(self._behavior, request, _read_behavior, timeout)
+
+    def _ask_behaviors(
+        self,
+        descriptor: Sequence[float],
+        count: int,
+        *,
+        timeout: float | None = None,
+        **limits: Any,
+    ) -> PendingCall:
+        request = behaviors_request(descriptor, count, **limits)
+        return self._start(self._behaviors, request, _read_behaviors, timeout)
+
+    def _ask_list(
+        self,
+        offset: int,
+        limit: int,
+        min_fitness: float | None,
+        by_mean: bool,
+        timeout: float | None,
+    ) -> PendingCall:
+        request = ListBehaviors.Request(offset=int(offset), limit=int(limit), by_mean=bool(by_mean))
+        limit_fitness(request, min_fitness)
+        return self._start(self._list, request, _read_list, timeout)
+
+    def _ask_info(self, timeout: float | None) -> PendingCall:
+        return self._start(self._info, GetInfo.Request(), RepertoireInfo.from_response, timeout)
+
+    def _start(
+        self, client: Client, request: Any, read: Callable[[Any], Any], timeout: float | None
+    ) -> PendingCall:
+        seconds = self._timeout if timeout is None else timeout
+        _check_timeout(seconds)
+        return self._caller.start(client, request, read, seconds)
+
+
+def _check_timeout(seconds: float) -> None:
+    if not seconds > 0.0:
+        raise RequestError(f"timeout is {seconds}; give seconds above 0.")
+
+
+def _read_behavior(response: GetBehavior.Response) -> Behavior:
+    if not response.found:
+        raise BehaviorNotFoundError(response.message)
+    return Behavior.from_response(response)
+
+
+def _read_behaviors(response: GetBehaviors.Response) -> tuple[Behavior, ...]:
+    if not response.ok:
+        raise RequestError(response.message)
+    return Behavior.all_from_response(response)
+
+
+def _read_list(response: ListBehaviors.Response) -> tuple[int, tuple[ListedBehavior, ...]]:
+    if not response.ok:
+        raise RequestError(response.message)
+    return response.total, tuple(ListedBehavior.from_msg(msg) for msg in response.behaviors)

@@ -1,0 +1,1 @@
+"""TD3 with an archive that collects behaviors passively."""

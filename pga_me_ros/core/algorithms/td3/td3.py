@@ -1,0 +1,31 @@
+"""TD3 (Fujimoto et al. 2018; Alg. 2 of Nilsson & Cully 2021), with an archive that collects behaviors passively."""
+
+from __future__ import annotations
+
+from pga_me_ros.core.algorithms.algorithm import Algorithm, Slots
+from pga_me_ros.core.operators import Operator
+from pga_me_ros.core.settings import Settings
+
+
+class Td3(Algorithm):
+    """One actor, which is the greedy controller: it acts with noise, and learns from all that it did.
+
+    A generation is b episodes of the actor as it is then; afterwards it takes one training step for each of their
+    steps.
+    """
+
+    name = "td3"
+    title = "TD3"
+    operators = (Operator.GREEDY,)
+
+    def offspring(self, settings: Settings, generation: int) -> list[Slots]:
+        """Alg. 2 line 7: the actor, in every place."""
+        return [Slots(Operator.GREEDY, 0, settings.batch_size)]
+
+    def uses_critics(self, settings: Settings) -> bool:
+        """Always."""
+        return True
+
+    def exploration_sigma(self, settings: Settings, generation: int) -> float:
+        """Alg. 2 line 7; the random controllers at the start explore by themselves."""
+        return settings.exploration_sigma if generation >= settings.init_generations else 0.0

@@ -1,0 +1,1 @@
+"""Archives of elites: cells, elites, metrics, novelty, pictures."""

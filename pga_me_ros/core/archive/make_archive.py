@@ -1,0 +1,110 @@
+"""The kinds of archive: what settings and files call them, and how each is made. Nowhere else is the kind asked for."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+from pga_me_ros.arrays import Float64Array
+from pga_me_ros.core.archive.archive import Archive
+from pga_me_ros.core.archive.cvt import CvtArchive, cvt_centroids
+from pga_me_ros.core.archive.grid import GridArchive
+from pga_me_ros.core.networks.shapes import controller_shape
+from pga_me_ros.core.rng import Purpose, generator
+from pga_me_ros.core.settings import Settings
+from pga_me_ros.tasks.spec import TaskSpec
+
+CENTROIDS_SEED = 0
+"""All runs share their centroids, so that their archives can be compared cell by cell (as coded)."""
+
+
+@dataclass(frozen=True)
+class ArchiveKind:
+    """How archives of one kind are made.
+
+    Attributes:
+        cells: Returns the number of cells for a task and settings.
+        empty: Returns an empty archive for a task, settings and a number of parameters per controller.
+        restored: Returns an empty archive from its stored geometry (kind, bins, low, high, parameter_count), its
+            (cells, d) float64 centroids and the version of the file's layout.
+    """
+
+    cells: Callable[[TaskSpec, Settings], int]
+    empty: Callable[[TaskSpec, Settings, int], Archive]
+    restored: Callable[[Mapping[str, Any], Float64Array, int], Archive]
+
+
+def cell_count(spec: TaskSpec, settings: Settings) -> int:
+    """Return the number of cells of a run's archive."""
+    return ARCHIVES[settings.archive].cells(spec, settings)
+
+
+def make_archive(spec: TaskSpec, settings: Settings) -> Archive:
+    """Return an empty archive (Alg. 3 line 2).
+
+    Args:
+        spec: Task; gives bounds, and cells or bins where the settings leave them open.
+        settings: Settings of the run.
+
+    Raises:
+        ArchiveError: Fewer `cvt_samples` than cells.
+    """
+    count = controller_shape(spec, settings).parameter_count
+    return ARCHIVES[settings.archive].empty(spec, settings, count)
+
+
+def restore_archive(
+    geometry: Mapping[str, Any], centroids: Float64Array, schema_version: int
+) -> Archive:
+    """Return the empty archive that a repertoire file describes, see `ArchiveKind.restored`."""
+    return ARCHIVES[geometry["kind"]].restored(geometry, centroids, schema_version)
+
+
+def _cvt(spec: TaskSpec, settings: Settings, parameter_count: int) -> Archive:
+    bounds = tuple(spec.descriptor_low), tuple(spec.descriptor_high)
+    centroids = _centroids(cell_count(spec, settings), *bounds, settings.cvt_samples)
+    return CvtArchive(centroids, *bounds, parameter_count)
+
+
+def _restored_cvt(
+    geometry: Mapping[str, Any], centroids: Float64Array, schema_version: int
+) -> Archive:
+    low, high, count = geometry["low"], geometry["high"], geometry["parameter_count"]
+    return CvtArchive(centroids, low, high, count, scaled=schema_version > 1)
+
+
+@lru_cache(maxsize=2)
+def _centroids(
+    cells: int, low: tuple[float, ...], high: tuple[float, ...], samples: int
+) -> Float64Array:
+    """Return centroids that the caller copies; some ask for them more than once, and they take seconds."""
+    rng = generator(CENTROIDS_SEED, Purpose.CENTROIDS, 0, cells)
+    return cvt_centroids(cells, low, high, samples, rng)
+
+
+def _grid(spec: TaskSpec, settings: Settings, parameter_count: int) -> Archive:
+    return GridArchive(
+        spec.archive_bins, spec.descriptor_low, spec.descriptor_high, parameter_count
+    )
+
+
+def _restored_grid(
+    geometry: Mapping[str, Any], centroids: Float64Array, schema_version: int
+) -> Archive:
+    return GridArchive(
+        geometry["bins"], geometry["low"], geometry["high"], geometry["parameter_count"]
+    )
+
+
+ARCHIVES: Mapping[str, ArchiveKind] = {
+    CvtArchive.kind: ArchiveKind(
+        lambda spec, settings: settings.cells or spec.archive_cells, _cvt, _restored_cvt
+    ),
+    GridArchive.kind: ArchiveKind(
+        lambda spec, settings: math.prod(spec.archive_bins), _grid, _restored_grid
+    ),
+}
+"""All kinds, by the value of the setting `archive`."""

@@ -1,0 +1,84 @@
+"""One generation on its way: the controllers, what made them, and in the end what they achieved."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from pga_me_ros.arrays import Float32Array, Float64Array, Int64Array
+from pga_me_ros.core.archive.elites import NO_PARENT, Solutions
+
+
+class Outcome(Protocol):
+    """What an evaluation gave."""
+
+    @property
+    def fitness(self) -> float:
+        """Sum of rewards."""
+
+    @property
+    def descriptor(self) -> Float64Array:
+        """(d,) achieved descriptor."""
+
+    @property
+    def length(self) -> int:
+        """Steps of the episode."""
+
+    @property
+    def terminated(self) -> bool:
+        """Whether the episode ended by falling rather than by the time limit."""
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Controllers of one generation.
+
+    Attributes:
+        generation: Number of the generation, from 0.
+        evaluations: Ids of their evaluations.
+        operators: (b,) int64 values of `Operator`.
+        parents: (b, 2) int64 evaluation ids of the parents, `NO_PARENT` for none.
+        parameters: (b, P) float32.
+    """
+
+    generation: int
+    evaluations: range
+    operators: Int64Array
+    parents: Int64Array
+    parameters: Float32Array
+
+    @classmethod
+    def empty(cls, generation: int, evaluations: range, parameter_count: int) -> Batch:
+        """Return a batch that is still to be filled in, in place."""
+        b = len(evaluations)
+        return cls(
+            generation,
+            evaluations,
+            np.zeros(b, np.int64),
+            np.full((b, 2), NO_PARENT, np.int64),
+            np.empty((b, parameter_count), np.float32),
+        )
+
+    def solutions(self, outcomes: Sequence[Outcome]) -> Solutions:
+        """Return the batch as solutions for the archive.
+
+        Args:
+            outcomes: What its evaluations gave, in order.
+
+        Raises:
+            ArchiveError: The number of outcomes, or the size of a descriptor, does not fit.
+        """
+        return Solutions.of(
+            fitness=[o.fitness for o in outcomes],
+            descriptors=[o.descriptor for o in outcomes],
+            parameters=self.parameters,
+            evaluations=self.evaluations,
+            generation=self.generation,
+            operators=self.operators,
+            parents=self.parents,
+            steps=[o.length for o in outcomes],
+            terminated=[o.terminated for o in outcomes],
+        )

@@ -1,0 +1,225 @@
+"""Experience of a run, generation by generation: complete before it is used, durable before it counts."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from pga_me_ros.arrays import Float64Array
+from pga_me_ros.core.evaluation import evaluation_ids
+from pga_me_ros.core.settings import Settings
+from pga_me_ros.core.settings.field import INT64_MAX
+from pga_me_ros.core.storage.checkpoint import (
+    checkpoint_shapes,
+    load_checkpoint,
+    save_checkpoint,
+)
+from pga_me_ros.core.storage.generation_files import GenerationFiles
+from pga_me_ros.errors import RequestError, StorageError
+from pga_me_ros.tasks.rollout import Episode
+
+
+class Experience:
+    """Episodes of whole generations, in evaluation order, one file each.
+
+    Episodes may arrive in any order, twice, or not at all; `missing` tells which of a generation have not. What has
+    fallen out of the replay buffer's window is deleted.
+
+    Args:
+        directory: The folder of the files; made if absent.
+        settings: Settings of the run.
+
+    Raises:
+        StorageError: The folder cannot be made.
+    """
+
+    def __init__(self, directory: Path, settings: Settings) -> None:
+        self._files = GenerationFiles(directory, "experience")
+        self._settings = settings
+        self._staged: dict[int, dict[int, Episode]] = {}
+        self._stored = -1  # newest generation that was stored by this object, rather than before
+        self._expected = max(self._files.generations(), default=-1)
+        self._lengths: dict[int, int] = {}
+
+    def stage(self, generation: int, evaluation: int, episode: Episode) -> bool:
+        """Take an episode that has arrived.
+
+        Returns:
+            Whether it was new; a duplicate is dropped.
+
+        Raises:
+            RequestError: The evaluation is not of that generation.
+        """
+        ids = evaluation_ids(self._settings, generation)
+        if generation < 0 or evaluation not in ids:
+            raise RequestError(
+                f"Evaluation {evaluation} is not of generation {generation}, which has "
+                f"{ids.start} to {ids.stop - 1}."
+            )
+        staged = self._staged.setdefault(generation, {})
+        if evaluation in staged:
+            return False
+        staged[evaluation] = episode
+        return True
+
+    def missing(self, generation: int) -> list[int]:
+        """Return the evaluation ids of a generation that have not arrived.
+
+        A file of that generation does not count: if the run was killed between storing a generation and adding it to
+        the archive, it may be done again with other rates.
+        """
+        staged = self._staged.get(generation, {})
+        return [k for k in evaluation_ids(self._settings, generation) if k not in staged]
+
+    @property
+    def stored(self) -> int:
+        """Newest generation that was stored by this object, -1 for none."""
+        return self._stored
+
+    def awaits(self, generation: int) -> bool:
+        """Whether somebody may still ask for episodes of a generation: not of one that is over, or far ahead."""
+        return self._stored <= generation <= max(self._stored, self._expected) + 1
+
+    def expect(self, generation: int) -> None:
+        """Say that a generation is about to be stored, so that its episodes are taken.
+
+        A run may go on where no file tells: after its folder was restored from a copy, or lost.
+
+        Raises:
+            RequestError: A later generation is stored already, or there is none of that number.
+        """
+        last = evaluation_ids(self._settings, generation).stop
+        if not max(self._stored, 0) <= generation or last > INT64_MAX:
+            raise RequestError(
+                f"The experience of generation {generation} cannot be stored; the newest stored now is of "
+                f"generation {self._stored}."
+            )
+        self._expected = max(self._expected, generation)
+
+    def drop_others(self, generation: int, fitness: Float64Array) -> None:
+        """Drop episodes that are not those of a generation's evaluations.
+
+        An evaluator that outlives a killed orchestrator may go on with a generation that is then done again with other
+        rates; its episodes have the same ids, but another fitness.
+
+        Args:
+            generation: The generation.
+            fitness: (b,) float64 fitness of its evaluations, in order.
+        """
+        staged = self._staged.get(generation, {})
+        ids = evaluation_ids(self._settings, generation)
+        for evaluation, expected in zip(ids, fitness.tolist(), strict=True):
+            if evaluation in staged and staged[evaluation].fitness != expected:
+                del staged[evaluation]
+
+    def store(self, generation: int) -> None:
+        """Write a complete generation to its file and drop what is too old to matter.
+
+        Raises:
+            RequestError: Some of its episodes have not arrived.
+            StorageError: The file cannot be written.
+        """
+        if missing := self.missing(generation):
+            raise RequestError(
+                f"{len(missing)} episodes of generation {generation} have not arrived, the first of "
+                f"evaluation {missing[0]}; send them before it is stored."
+            )
+        episodes = self._staged_episodes(generation)
+        save_checkpoint(self._files.path(generation), _pack(episodes), {"generation": generation})
+        self._lengths[generation] = sum(e.length for e in episodes)
+        self._stored = self._expected = generation
+        for other in [g for g in self._staged if abs(g - generation) > 1]:
+            del self._staged[other]
+        self._drop_old(generation)
+
+    def episodes(self, generation: int) -> Sequence[Episode]:
+        """Return a generation's episodes in evaluation order.
+
+        Raises:
+            RequestError: It is neither staged completely nor stored.
+            StorageError: Its file is damaged or another generation's.
+        """
+        if not self.missing(generation):
+            return self._staged_episodes(generation)
+        path = self._files.path(generation)
+        if not path.exists():
+            raise RequestError(
+                f"The experience of generation {generation} is not here; send its episodes."
+            )
+        arrays, meta = load_checkpoint(path)
+        if meta.get("generation") != generation:
+            raise StorageError(
+                f"'{path}' holds {meta}, not the experience of generation {generation}; restore the "
+                "file that belongs there, or start a new run."
+            )
+        return list(_unpack(arrays))
+
+    def window(self, newest: int) -> range:
+        """Return the generations that fill the replay buffer, up to one: all, or as many as it holds.
+
+        Raises:
+            StorageError: One of them is missing, or its file is damaged.
+        """
+        stop = max(newest, -1) + 1
+        transitions, first = 0, stop
+        while first > 0 and transitions < self._settings.replay_size:
+            first -= 1
+            if not self._files.path(first).exists():
+                raise StorageError(
+                    f"The experience of generation {first} is missing: if it was stored, restore "
+                    f"'{self._files.path(first)}' or start a new run; if not, send its episodes first."
+                )
+            transitions += self._length(first)
+        return range(first, stop)
+
+    def _staged_episodes(self, generation: int) -> list[Episode]:
+        return [e for _, e in sorted(self._staged[generation].items())]
+
+    def _length(self, generation: int) -> int:
+        if generation not in self._lengths:
+            # A wrong length that a damaged header tells is found out when the episodes are read.
+            shapes = checkpoint_shapes(self._files.path(generation))
+            self._lengths[generation] = shapes.get("actions", (0,))[0]
+        return self._lengths[generation]
+
+    def _drop_old(self, newest: int) -> None:
+        """Delete files that hold only transitions that the replay buffer has overwritten.
+
+        Two generations more than the window are kept: a run that is resumed may train on all but the newest, and where
+        the outcome of that training is damaged, repeat it without the one before.
+        """
+        kept = 0
+        for generation in reversed([g for g in self._files.generations() if g < newest - 1]):
+            if kept >= self._settings.replay_size:
+                self._files.delete(generation)
+                self._lengths.pop(generation, None)
+            else:
+                kept += self._length(generation)
+
+
+def _pack(episodes: Sequence[Episode]) -> dict[str, np.ndarray]:
+    return {
+        "states": np.concatenate([e.states for e in episodes]),
+        "actions": np.concatenate([e.actions for e in episodes]),
+        "rewards": np.concatenate([e.rewards for e in episodes]),
+        "lengths": np.array([e.length for e in episodes], np.int64),
+        "fitness": np.array([e.fitness for e in episodes], np.float64),
+        "descriptors": np.stack([e.descriptor for e in episodes]),
+        "terminated": np.array([e.terminated for e in episodes], np.bool_),
+    }
+
+
+def _unpack(arrays: dict[str, np.ndarray]) -> Iterator[Episode]:
+    step = 0
+    for i, length in enumerate(arrays["lengths"].tolist()):
+        yield Episode(
+            states=arrays["states"][step + i : step + i + length + 1],
+            actions=arrays["actions"][step : step + length],
+            rewards=arrays["rewards"][step : step + length],
+            fitness=float(arrays["fitness"][i]),
+            descriptor=arrays["descriptors"][i],
+            terminated=bool(arrays["terminated"][i]),
+        )
+        step += length

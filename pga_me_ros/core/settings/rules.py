@@ -1,0 +1,179 @@
+"""What each algorithm makes of the settings: its own defaults, and what it refuses.
+
+Light, and typed by the settings themselves, so that they need nothing of the algorithms: `core.algorithms` has those.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import fields
+from typing import Any, ClassVar
+
+from pga_me_ros.core.settings.algorithms import AlgorithmSettings
+from pga_me_ros.core.settings.run import ARCHIVE_KINDS
+from pga_me_ros.errors import SettingsError
+
+CRITICS = ("critics", "torch")
+"""Parts of an algorithm that trains critics."""
+
+GRADIENTS = (*CRITICS, "gradients")
+"""Parts of an algorithm whose offspring climb critics."""
+
+
+class Rules:
+    """Rules of one algorithm.
+
+    Attributes:
+        parts: Parts that it has, as settings name them (`field.setting`), besides one of its own name.
+        fixed: Settings of other algorithms that it leaves no choice for, and why: "... but NAME <reason>".
+    """
+
+    parts: ClassVar[tuple[str, ...]] = ()
+    fixed: ClassVar[Mapping[str, str]] = {}
+
+    def own_values(self, given: Mapping[str, Any]) -> dict[str, Any]:
+        """Return its own value of every setting whose default says so.
+
+        Args:
+            given: The settings that were given.
+        """
+        return {
+            "batch_size": 100,
+            "random_init": 500,
+            "replay_size": 1_000_000,
+            "schedule": "alternating",
+            "n_evo": 0,
+        }
+
+    def check(self, settings: AlgorithmSettings) -> None:
+        """Refuse values that do not fit each other.
+
+        Args:
+            settings: All settings, each valid by itself.
+
+        Raises:
+            SettingsError: Two values do not fit each other.
+        """
+        if settings.batch_size < 2:
+            raise SettingsError(
+                f"batch_size is {settings.batch_size}; {settings.algorithm} needs at least 2 controllers per "
+                "generation."
+            )
+
+    def uses(self, name: str) -> bool:
+        """Whether the algorithm leaves a choice for a setting, given its name."""
+        part = _PARTS.get(name, "")
+        return name not in self.fixed and part in {"", *ARCHIVE_KINDS, *self.parts}
+
+
+class _PgaMapElites(Rules):
+    parts = (*GRADIENTS, "genetic", "pga_map_elites")
+
+    def own_values(self, given: Mapping[str, Any]) -> dict[str, Any]:
+        """Half of a batch is made by genetic variation (Table 1)."""
+        values = {**super().own_values(given), "schedule": "overlapped"}
+        return values | {"n_evo": given.get("batch_size", values["batch_size"]) // 2}
+
+    def check(self, settings: AlgorithmSettings) -> None:
+        """Also refuse more GA offspring than a batch has places."""
+        super().check(settings)
+        if settings.n_evo > settings.batch_size:
+            raise SettingsError(
+                f"n_evo is {settings.n_evo}, but a batch has batch_size={settings.batch_size} controllers; "
+                f"give n_evo a value from 0 to {settings.batch_size}."
+            )
+
+
+class _MapElites(Rules):
+    parts = ("genetic",)
+    fixed: ClassVar = {"n_evo": "makes all offspring of a generation by genetic variation"}
+
+    def own_values(self, given: Mapping[str, Any]) -> dict[str, Any]:
+        """All of a batch is made by genetic variation."""
+        values = super().own_values(given)
+        return values | {"n_evo": given.get("batch_size", values["batch_size"])}
+
+
+class _PgOnly(Rules):
+    parts = GRADIENTS
+    fixed: ClassVar = {"n_evo": "makes no offspring by genetic variation"}
+
+    def own_values(self, given: Mapping[str, Any]) -> dict[str, Any]:
+        """Critics train while a generation is evaluated, as in PGA-MAP-Elites."""
+        return {**super().own_values(given), "schedule": "overlapped"}
+
+
+class _Td3(Rules):
+    parts = (*CRITICS, "td3")
+    fixed: ClassVar = {
+        "n_evo": "evaluates its actor in every place of a batch",
+        "n_crit": "takes one training step per control step of the last generation",
+        "critic_start": "trains between generations only",
+        "schedule": "trains between generations only",
+    }
+
+    def own_values(self, given: Mapping[str, Any]) -> dict[str, Any]:
+        """Ten episodes of the actor are a generation."""
+        return {**super().own_values(given), "batch_size": 10}
+
+    def check(self, settings: AlgorithmSettings) -> None:
+        """Take any batch: it consists of episodes of one actor."""
+
+
+class _MapElitesEs(Rules):
+    parts = ("map_elites_es",)
+    fixed: ClassVar = {
+        "n_evo": "makes its offspring by steps of an evolution strategy",
+        "start_from": "starts from a single random controller",
+        "random_init": "starts from a single random controller",
+    }
+
+    def own_values(self, given: Mapping[str, Any]) -> dict[str, Any]:
+        """A batch is all samples and the controller that the last step led to; only the newest generation counts."""
+        samples = given.get("es_samples", AlgorithmSettings.es_samples)
+        own = {"batch_size": 1 + samples, "random_init": 1, "replay_size": 1}
+        return {**super().own_values(given), **own}
+
+    def check(self, settings: AlgorithmSettings) -> None:
+        """Refuse samples that cannot be mirrored, and a batch that they do not fill."""
+        if settings.es_samples % 2:
+            raise SettingsError(
+                f"es_samples is {settings.es_samples}, but samples come in mirrored pairs; give an even number."
+            )
+        if settings.batch_size != 1 + settings.es_samples:
+            raise SettingsError(
+                f"batch_size is {settings.batch_size}, but a generation of {settings.algorithm} has es_samples + 1 = "
+                f"{1 + settings.es_samples} controllers; remove batch_size and set es_samples."
+            )
+
+
+class _QdRl(Rules):
+    parts = (*GRADIENTS, "qd_rl")
+    fixed: ClassVar = {
+        "n_evo": "makes no offspring by genetic variation",
+        "critic_start": "trains between generations only",
+        "schedule": "trains between generations only",
+    }
+
+    def own_values(self, given: Mapping[str, Any]) -> dict[str, Any]:
+        """Four offspring are a generation."""
+        return {**super().own_values(given), "batch_size": 4}
+
+
+RULES: Mapping[str, Rules] = {
+    "pga_map_elites": _PgaMapElites(),
+    "map_elites": _MapElites(),
+    "pg_only": _PgOnly(),
+    "td3": _Td3(),
+    "map_elites_es": _MapElitesEs(),
+    "qd_rl": _QdRl(),
+}
+"""The rules of every algorithm, by the value of the setting `algorithm`."""
+
+
+def of_other_archives(archive: str) -> set[str]:
+    """Return the names of the settings that an archive of this kind has no use for."""
+    return {name for name, part in _PARTS.items() if part in ARCHIVE_KINDS and part != archive}
+
+
+_PARTS = {f.name: f.metadata["part"] for f in fields(AlgorithmSettings) if f.metadata["part"]}

@@ -1,0 +1,1 @@
+"""Files of a run: the repertoire, metrics, checkpoints, and how they are written safely."""

@@ -1,0 +1,85 @@
+"""The tables of a repertoire file that came later: the worst and the best elite of every generation."""
+
+from __future__ import annotations
+
+import sqlite3
+
+from pga_me_ros.core.archive.archive import Archive
+from pga_me_ros.core.archive.elites import Elite
+from pga_me_ros.core.archive.metrics import UNKNOWN, Metrics
+from pga_me_ros.core.storage.rows import (
+    EXTREMES,
+    DamagedRow,
+    extremes_digest_of,
+    row_to_elite,
+)
+
+EXTREMES_SCHEMA = """
+CREATE TABLE IF NOT EXISTS extremes (
+    generation INTEGER PRIMARY KEY,
+    min_fitness REAL NOT NULL,         -- of the worst elite after it
+    best_evaluation INTEGER NOT NULL,  -- evaluation id of the best elite after it
+    digest BLOB NOT NULL               -- SHA-256 of the row
+);
+CREATE TABLE IF NOT EXISTS bests (
+    cell INTEGER NOT NULL,             -- these columns as in elites
+    fitness REAL NOT NULL,
+    evaluation INTEGER PRIMARY KEY,
+    generation INTEGER NOT NULL,
+    operator INTEGER NOT NULL,
+    parent1 INTEGER NOT NULL,
+    parent2 INTEGER NOT NULL,
+    steps INTEGER NOT NULL,
+    terminated INTEGER NOT NULL,
+    descriptor BLOB NOT NULL,
+    parameters BLOB NOT NULL,
+    digest BLOB NOT NULL
+);
+"""
+"""Tables that came later: `extremes` belongs to `generations`; `bests` keeps every elite that was the best one for a
+time, also when another has taken its cell since. Older files gain these tables when opened for writing."""
+
+GENERATIONS = (
+    "SELECT g.*, e.min_fitness, e.best_evaluation, e.digest FROM generations g "
+    "LEFT JOIN extremes e USING (generation)"
+)
+OLDER_GENERATIONS = "SELECT g.*, NULL, NULL, NULL FROM generations g"
+"""The same of a file that an older program made."""
+
+
+def has_extremes(connection: sqlite3.Connection) -> bool:
+    """Whether a file has these tables: those of older programs have not."""
+    query = "SELECT count(*) FROM sqlite_schema WHERE name IN ('extremes', 'bests')"
+    return bool(connection.execute(query).fetchone()[0] == 2)
+
+
+def store_extremes(connection: sqlite3.Connection, metrics: Metrics) -> None:
+    """Store the extremes of a generation whose elites are in the table already, within their transaction."""
+    if metrics.best_evaluation == UNKNOWN:
+        return
+    columns = (metrics.generation, *(getattr(metrics, name) for name in EXTREMES))
+    row = (*columns, extremes_digest_of(columns))
+    connection.execute("INSERT OR REPLACE INTO extremes VALUES (?, ?, ?, ?)", row)
+    keep = "INSERT OR IGNORE INTO bests SELECT * FROM elites WHERE evaluation = ?"
+    connection.execute(keep, (metrics.best_evaluation,))
+
+
+def read_bests(connection: sqlite3.Connection, archive: Archive) -> list[Elite]:
+    """Return every elite that was the best one after some generation, in the order in which they were found.
+
+    Args:
+        connection: The file.
+        archive: Archive with the file's geometry.
+
+    Raises:
+        DamagedRow: A row is damaged or missing.
+    """
+    if not has_extremes(connection):
+        return []
+    wanted = "SELECT DISTINCT best_evaluation FROM extremes ORDER BY best_evaluation"
+    evaluations = [row[0] for row in connection.execute(wanted)]
+    rows = connection.execute("SELECT * FROM bests ORDER BY evaluation")
+    bests = [row_to_elite(row, archive) for row in rows]
+    if [best.evaluation for best in bests] != evaluations:
+        raise DamagedRow("a controller that was the best one is missing")
+    return bests

@@ -1,0 +1,110 @@
+"""Folders and files of a run: folders that can be written to, files that are replaced whole and survive a power cut."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import BinaryIO
+
+from pga_me_ros.errors import SettingsError, StorageError
+
+
+def make_folder(path: Path) -> None:
+    """Make a folder, and those above it, if absent.
+
+    Raises:
+        StorageError: The folder cannot be made, or cannot be written to.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise StorageError(
+            f"Cannot make the folder '{path}' ({error.strerror}); give run_dir a folder that "
+            "can be written to."
+        ) from None
+    if not os.access(path, os.W_OK | os.X_OK):
+        raise StorageError(
+            f"The folder '{path}' cannot be written to; give run_dir another folder or "
+            "change its permissions."
+        )
+
+
+def require_reachable(name: str, path: Path) -> None:
+    """Make sure that a path can be looked at, and read where there is something; it need not exist.
+
+    Args:
+        name: Setting that gives it.
+        path: File or folder.
+
+    Raises:
+        SettingsError: A folder on the way may not be entered, the path is too long or goes in circles, or what is there
+            may not be read.
+    """
+    try:
+        path.stat()
+    except (FileNotFoundError, NotADirectoryError):
+        return  # it is made, or missed where it is needed
+    except OSError as error:
+        raise SettingsError(
+            f"{name} is '{path}', which cannot be reached ({error.strerror}); give a path whose folders you may enter."
+        ) from None
+    if not os.access(path, os.R_OK):
+        raise SettingsError(f"{name} is '{path}', which you may not read; change its permissions.")
+
+
+def replace_file(
+    path: Path, content: bytes | Callable[[BinaryIO], None], *, shared: bool = False
+) -> None:
+    """Write a file under another name, then rename it: a crash or power cut leaves the old file or the new one, whole.
+
+    Args:
+        path: File to write or replace; its folder must exist.
+        content: Bytes of the file, or a function that writes them into the open file.
+        shared: Whether other processes may be replacing the same file now; each then writes under a name of its own.
+            Otherwise the name is always the same, so that what a killed process left is overwritten.
+
+    Raises:
+        OSError: The file cannot be written or renamed; the old one is as it was.
+    """
+    new = path.with_name(f".{path.name}.{os.getpid()}.new" if shared else f".{path.name}.new")
+    try:
+        with new.open("wb") as file:
+            if callable(content):
+                content(file)
+            else:
+                file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+        rename_file(new, path)
+    except BaseException:
+        new.unlink(missing_ok=True)
+        raise
+
+
+def rename_file(path: Path, target: Path) -> None:
+    """Rename a file within its folder, in place of one that has the new name; survives a power cut.
+
+    Raises:
+        OSError: The file cannot be renamed, or the disk fails.
+    """
+    os.replace(path, target)
+    descriptor = os.open(target.parent, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def save_bytes(path: Path, content: bytes) -> None:
+    """Write a file that a user asked for, as `replace_file` does.
+
+    Raises:
+        StorageError: The file cannot be written.
+    """
+    try:
+        replace_file(path, content, shared=True)
+    except OSError as error:
+        raise StorageError(
+            f"'{path}' cannot be written ({error.strerror}); check the folder, its permissions and the space on it."
+        ) from None

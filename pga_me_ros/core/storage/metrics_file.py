@@ -1,0 +1,86 @@
+"""metrics.csv: one row per committed generation, for plotting tools and spreadsheets."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Sequence
+from pathlib import Path
+
+from pga_me_ros.core.archive.metrics import Metrics
+from pga_me_ros.core.operators import Operator
+from pga_me_ros.core.storage.database import explained
+from pga_me_ros.core.storage.files import replace_file
+from pga_me_ros.core.storage.rows import Generation
+
+METRICS_FILE = "metrics.csv"
+
+_NUMBERS = (
+    "generation",
+    "evaluations",
+    "coverage",
+    "coverage_share",
+    "qd_score",
+    "max_fitness",
+    "mean_fitness",
+    "steps",
+    "total_steps",
+    "min_fitness",
+    "best_evaluation",
+)
+_PER_OPERATOR = ("offspring", "new_elites", "improved_elites")
+
+TIME_COLUMNS = ("committed",)
+"""Columns that differ between two runs with the same settings; all others are the same, bit for bit."""
+
+COLUMNS = (
+    *_NUMBERS,
+    *(f"{name}_{operator.name.lower()}" for name in _PER_OPERATOR for operator in Operator),
+    *TIME_COLUMNS,
+)
+
+
+class MetricsFile:
+    """The table of a run; the repertoire file is what counts, and this is made again from it.
+
+    Args:
+        path: The file.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    def rebuild(self, generations: Sequence[Generation]) -> None:
+        """Make the file hold exactly these generations; a crash leaves the old or the new one, whole.
+
+        Raises:
+            StorageError: It cannot be written.
+        """
+        content = _lines([COLUMNS, *(_row(generation) for generation in generations)])
+        with explained(self.path):
+            if self.path.exists() and self.path.read_bytes() == content:
+                return
+            replace_file(self.path, content)
+
+    def append(self, generation: Generation) -> None:
+        """Add the row of a generation that was just committed.
+
+        Raises:
+            StorageError: It cannot be written.
+        """
+        with explained(self.path), self.path.open("ab") as file:
+            file.write(_lines([_row(generation)]))
+
+
+def _row(generation: Generation) -> list[object]:
+    metrics: Metrics = generation.metrics
+    numbers = [getattr(metrics, name) for name in _NUMBERS]
+    counts = [count for name in _PER_OPERATOR for count in getattr(metrics, name)]
+    return [*numbers, *counts, generation.committed]
+
+
+def _lines(rows: Sequence[Sequence[object]]) -> bytes:
+    """Return rows as CSV; floats are written so that they are read back bit for bit."""
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows(rows)
+    return text.getvalue().encode()

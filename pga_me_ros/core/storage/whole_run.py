@@ -1,0 +1,64 @@
+"""A repertoire file written at once, for a search that ran without one."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from pga_me_ros.core.archive.archive import Archive
+from pga_me_ros.core.archive.metrics import UNKNOWN, Metrics
+from pga_me_ros.core.storage.database import connect, create_file, explained
+from pga_me_ros.core.storage.extremes import store_extremes
+from pga_me_ros.core.storage.rows import elite_to_row, metrics_to_row, xor_digests
+from pga_me_ros.core.storage.run_info import RunInfo
+
+
+def store_whole_run(
+    path: Path,
+    info: RunInfo,
+    archive: Archive,
+    metrics: Sequence[Metrics],
+    rates: Mapping[str, Any],
+) -> None:
+    """Make a repertoire file of an archive and the metrics that led to it.
+
+    What only the generations themselves knew is left out: the elites that were replaced, and with them the best and the
+    worst elite of every generation but the last.
+
+    Args:
+        path: The file; its folder is made if absent.
+        info: Identity of the run.
+        archive: The archive after the last generation.
+        metrics: Metrics of every generation, at least one.
+        rates: The rates in force, stored with every generation.
+
+    Raises:
+        StorageError: The file exists or cannot be written.
+    """
+    now = datetime.now(UTC).isoformat(timespec="milliseconds")
+    elites = [elite_to_row(elite) for elite in archive.elites()]
+    without = [
+        dataclasses.replace(m, min_fitness=math.nan, best_evaluation=UNKNOWN) for m in metrics[:-1]
+    ]
+    with explained(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        create_file(path, info, archive)
+        connection = connect(path, read_only=False)
+        try:
+            connection.execute("BEGIN IMMEDIATE")
+            marks = ", ".join("?" * len(elites[0]))
+            connection.executemany(f"INSERT INTO elites VALUES ({marks})", elites)
+            for generation in (*without, metrics[-1]):
+                last = generation is metrics[-1]
+                digest = xor_digests([row[-1] for row in elites] if last else [])
+                row = metrics_to_row(generation, rates, now, digest)
+                marks = ", ".join("?" * len(row))
+                connection.execute(f"INSERT INTO generations VALUES ({marks})", row)
+            store_extremes(connection, metrics[-1])
+            connection.execute("COMMIT")
+        finally:
+            connection.close()

@@ -1,0 +1,1 @@
+"""Variation operators: how offspring are made from parents and from what was learned (Alg. 5)."""

@@ -1,0 +1,143 @@
+"""The demonstration behind ``make run``: grows a small repertoire, then another process asks for gaits and runs them.
+
+``python -m pga_me_ros.demo [--params-file FILE] [ROS arguments for the orchestrator]``
+"""
+
+from __future__ import annotations
+
+import ctypes
+import signal
+import socket
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+
+import rclpy
+from pga_me_msgs.msg import Progress
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.signals import SignalHandlerOptions
+
+from pga_me_ros.demo.arguments import Arguments
+from pga_me_ros.process.signals import Signals
+from pga_me_ros.ros import names, qos
+from pga_me_ros.ros.environment import prepare_environment
+from pga_me_ros.ros.process import report
+
+PR_SET_PDEATHSIG = 1
+"""From Linux' prctl.h."""
+
+TICK = 0.2
+"""Seconds between two looks at whether the orchestrator still lives."""
+
+
+class Children:
+    """What the demonstration has started; each sits in a session of its own, so that a signal reaches it once."""
+
+    def __init__(self) -> None:
+        self._processes: list[subprocess.Popen[bytes]] = []
+
+    def start(self, module: str, arguments: Sequence[str]) -> subprocess.Popen[bytes]:
+        """Start a module in this terminal."""
+        process = subprocess.Popen(
+            [sys.executable, "-m", module, *arguments],
+            stdin=subprocess.DEVNULL,
+            start_new_session=True,
+            preexec_fn=_end_with_parent,
+        )
+        self._processes.append(process)
+        return process
+
+    def send(self, number: int) -> None:
+        """Send a signal on to those that are alive."""
+        for process in self._processes:
+            if process.poll() is None:
+                process.send_signal(number)
+
+
+def _end_with_parent() -> None:
+    """Have the kernel send SIGTERM to the process to be started when this one is gone, however it ends."""
+    ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, int(signal.SIGTERM))
+
+
+@contextmanager
+def listening(pid: int, remaps: Sequence[str]) -> Iterator[threading.Event]:
+    """Listen for the end of a run.
+
+    Args:
+        pid: Process id of its orchestrator.
+        remaps: ROS arguments that give the orchestrator its namespace.
+
+    Yields:
+        Event that is set when the run has reached its budget.
+    """
+    event = threading.Event()
+    rclpy.init(args=["demo", "--ros-args", *remaps], signal_handler_options=SignalHandlerOptions.NO)
+    # A name given to the orchestrator on the command line is not ours.
+    node = rclpy.create_node("demo", cli_args=["--ros-args", "-r", "__node:=demo"])
+
+    def hear(msg: Progress) -> None:
+        if (msg.host, msg.pid) == (socket.gethostname(), pid) and msg.state == "finished":
+            event.set()
+
+    node.create_subscription(Progress, names.PROGRESS, hear, qos.LATCHED)
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+
+    def spin() -> None:
+        with suppress(ExternalShutdownException):
+            executor.spin()
+
+    thread = threading.Thread(target=spin, name="progress")
+    thread.start()
+    try:
+        yield event
+    finally:
+        executor.shutdown()
+        thread.join()
+        node.destroy_node()
+        rclpy.try_shutdown()
+
+
+def demonstrate(arguments: Arguments, children: Children, signals: Signals) -> int:
+    """Grow a repertoire, then have a robot of another process ask for gaits and run them.
+
+    Returns:
+        Exit code.
+    """
+    orchestrator = children.start("pga_me_ros.nodes.orchestrator", arguments.orchestrator)
+    try:
+        with listening(orchestrator.pid, arguments.remaps) as finished:
+            while not finished.wait(TICK):
+                if orchestrator.poll() is not None:
+                    return orchestrator.returncode
+        robot = children.start("pga_me_ros.demo.robot", ["--ros-args", *arguments.remaps])
+        code = robot.wait()
+        if arguments.serve and not signals.received:
+            return orchestrator.wait()
+        return signals.exit_code or code
+    finally:
+        stop(orchestrator)
+
+
+def stop(orchestrator: subprocess.Popen[bytes]) -> None:
+    """End the orchestrator, which ends its own children."""
+    if orchestrator.poll() is None:
+        orchestrator.send_signal(signal.SIGINT)
+    orchestrator.wait()
+
+
+def main() -> int:
+    """Run the demonstration."""
+    children = Children()
+    signals = Signals(children.send, children.send)
+    try:
+        prepare_environment()
+        return demonstrate(Arguments.parse(sys.argv[1:]), children, signals)
+    except Exception as error:
+        return report(error)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

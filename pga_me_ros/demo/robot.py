@@ -1,0 +1,121 @@
+"""A robot of the demonstration: asks a repertoire for gaits, runs them in simulation, compares with what was promised.
+
+Run beside a run or an archive manager: ``python -m pga_me_ros.demo.robot``
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as evaluators have it
+
+import numpy as np
+import rclpy
+from rclpy.executors import ExternalShutdownException
+
+from pga_me_ros.client import Behavior, RepertoireClient, RepertoireInfo
+from pga_me_ros.core.evaluation import as_evaluated, evaluation_rng
+from pga_me_ros.core.settings import Settings
+from pga_me_ros.ros.environment import prepare_environment
+from pga_me_ros.ros.process import report
+from pga_me_ros.tasks.protocol import Task
+from pga_me_ros.tasks.registry import load_task
+from pga_me_ros.tasks.rollout import Episode, rollout
+
+OTHER_STARTS = 5
+"""Episodes from initial poses that the run has not seen."""
+
+
+def show(behavior: Behavior, info: RepertoireInfo, task: Task) -> bool:
+    """Run a behavior and print what it achieved beside what was promised.
+
+    Args:
+        behavior: The behavior.
+        info: Repertoire that it comes from.
+        task: Simulation of its task.
+
+    Returns:
+        Whether the evaluation repeated with its seed gave the promised fitness and descriptor, bit for bit.
+    """
+    settings = Settings.from_stored(info.settings)
+    seed, k = settings.seed, behavior.evaluation
+    again = rollout(task, as_evaluated(settings, behavior.controller, k), evaluation_rng(seed, k))
+    others = [
+        rollout(task, behavior.controller, evaluation_rng(seed + 1, k)) for k in range(OTHER_STARTS)
+    ]
+    equal = again.fitness == behavior.fitness and np.array_equal(
+        again.descriptor, behavior.descriptor
+    )
+    print(_row("promised", behavior.fitness, behavior.descriptor))
+    print(
+        _row("achieved, same start", again.fitness, again.descriptor)
+        + ("   equal" if equal else "   DIFFERENT")
+    )
+    fitness, descriptor = _median(others)
+    print(_row(f"achieved, {OTHER_STARTS} other starts", fitness, descriptor) + "   median")
+    return equal
+
+
+def ask_and_run(client: RepertoireClient) -> int:
+    """Ask for two behaviors, run both and print what came of it.
+
+    Returns:
+        Exit code: 1 when a behavior did not repeat what was promised.
+    """
+    info = client.get_info()
+    task = load_task(info.settings["task"])()
+    try:
+        print(
+            f"robot (process {os.getpid()}): the repertoire holds {info.coverage} behaviors of {info.task}, "
+            f"described by {', '.join(info.descriptor_names)}"
+        )
+        print("the fittest of them:")
+        equal = show(client.get_behavior(best=True), info, task)
+        wanted = _first_foot_spared(info)
+        behavior = client.get_behavior(descriptor=wanted)
+        print(
+            f"the one nearest to descriptor {np.round(wanted, 2).tolist()}, {behavior.distance:.3f} away:"
+        )
+        equal &= show(behavior, info, task)
+    finally:
+        task.close()
+    return 0 if equal else 1
+
+
+def _first_foot_spared(info: RepertoireInfo) -> list[float]:
+    share = np.full(len(info.descriptor_low), 0.6)
+    share[0] = 0.2
+    return (info.descriptor_low + share * (info.descriptor_high - info.descriptor_low)).tolist()
+
+
+def _median(episodes: list[Episode]) -> tuple[float, np.ndarray]:
+    return (
+        float(np.median([e.fitness for e in episodes])),
+        np.median([e.descriptor for e in episodes], axis=0),
+    )
+
+
+def _row(what: str, fitness: float, descriptor: np.ndarray) -> str:
+    entries = " ".join(f"{x:.3f}" for x in descriptor)
+    return f"  {what:<26} fitness {fitness:9.2f}   descriptor {entries}"
+
+
+def main() -> int:
+    """Run the robot once."""
+    try:
+        prepare_environment()
+        rclpy.init()
+        node = rclpy.create_node("demo_robot", cli_args=["--ros-args", "-r", "__node:=demo_robot"])
+        return ask_and_run(RepertoireClient(node))
+    except (KeyboardInterrupt, ExternalShutdownException):
+        return 130
+    except Exception as error:
+        # A Ctrl-C ends ROS 2 first; what fails afterwards is its consequence.
+        return report(error) if rclpy.ok() else 130
+    finally:
+        rclpy.try_shutdown()
+
+
+if __name__ == "__main__":
+    sys.exit(main())

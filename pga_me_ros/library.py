@@ -1,0 +1,141 @@
+"""Stored runs in scripts and notebooks: read, run and draw their behaviors, and store a search of one's own."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pga_me_ros.core.evaluation import as_evaluated, evaluation_rng
+from pga_me_ros.core.storage import stored_run
+from pga_me_ros.core.storage.metrics_file import METRICS_FILE, MetricsFile
+from pga_me_ros.core.storage.run_info import RunInfo
+from pga_me_ros.core.storage.stored_run import StoredBehavior
+from pga_me_ros.core.storage.whole_run import store_whole_run
+from pga_me_ros.errors import PgaError, RequestError
+from pga_me_ros.tasks.protocol import Task
+from pga_me_ros.tasks.registry import make_task
+from pga_me_ros.tasks.rollout import Episode, rollout
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from pga_me_ros.core.search import Search
+
+__all__ = ["StoredBehavior", "StoredRun", "save_run"]
+
+_COLUMNS = ("cell", "evaluation", "generation", "made_by", "steps", "terminated", "fitness")
+_MEANS = ("repeats", "mean_fitness", "fitness_spread")
+
+
+class StoredRun(stored_run.StoredRun):
+    """A run as its folder holds it, with what a script or notebook does with it; made by `StoredRun.load`."""
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """Return a table with a row per elite, without parameters; columns as in ``export --to csv``.
+
+        Parents are -1 for none; means and spreads over re-evaluations are NaN for none.
+
+        Raises:
+            PgaError: pandas is not installed.
+        """
+        try:
+            import pandas as pd
+        except ImportError:
+            raise PgaError(
+                "to_dataframe needs pandas, which is not installed: pip install pandas."
+            ) from None
+        arrays, names = self.arrays(), self.spec.descriptor_names
+        columns: dict[str, Any] = {name: arrays[name] for name in _COLUMNS}
+        columns |= {f"parent{k + 1}": arrays["parents"][:, k] for k in range(2)}
+        columns |= {name: arrays["descriptor"][:, k] for k, name in enumerate(names)}
+        if "repeats" in arrays:
+            columns |= {name: arrays[name] for name in _MEANS}
+            for kind, key in (("mean", "mean_descriptor"), ("spread", "descriptor_spread")):
+                columns |= {f"{kind}:{name}": arrays[key][:, k] for k, name in enumerate(names)}
+        return pd.DataFrame(columns)
+
+    def rollout(
+        self, behavior: StoredBehavior, seed: int | None = None, task: Task | None = None
+    ) -> Episode:
+        """Run a behavior in the simulator for one episode.
+
+        Args:
+            behavior: A behavior of this run.
+            seed: Seed of the initial pose. None repeats the evaluation that the behavior comes from: the same versions
+                of the libraries give the same episode, bit for bit.
+            task: A task to run it in, as `make_task` returns; None makes one for this episode.
+
+        Raises:
+            TaskError: The task of the run cannot be loaded.
+        """
+        own = task or make_task(self.settings.task)
+        try:
+            if seed is not None:
+                return rollout(own, behavior.controller, np.random.default_rng(seed))
+            act = as_evaluated(self.settings, behavior.controller, behavior.evaluation)
+            return rollout(own, act, evaluation_rng(self.settings.seed, behavior.evaluation))
+        finally:
+            if task is None:
+                own.close()
+
+    def save_gif(
+        self,
+        behavior: StoredBehavior,
+        path: str | Path,
+        *,
+        seconds: float = 10.0,
+        size: tuple[int, int] = (360, 270),
+    ) -> Path:
+        """Draw the evaluation that a behavior comes from as an animated GIF, as the program ``render`` does.
+
+        Args:
+            behavior: A behavior of this run.
+            path: File to write.
+            seconds: Most seconds to show.
+            size: Width and height, pixels.
+
+        Returns:
+            The file.
+
+        Raises:
+            PgaError: Pillow is not installed, or the task cannot be drawn.
+            StorageError: The file cannot be written.
+        """
+        from pga_me_ros.render.behavior_gif import GifOptions, draw_gif
+
+        task = make_task(self.settings.task)
+        try:
+            options = GifOptions(seconds=seconds, size=size)
+            draw_gif(task, self.settings, behavior, Path(path), options)
+        finally:
+            task.close()
+        return Path(path)
+
+
+def save_run(path: str | Path, search: Search) -> StoredRun:
+    """Store a search, so that it can be read, served, exported, rendered and reported on like any other run.
+
+    Learning curves are complete, apart from the worst and the best elite of earlier generations. Critics are not
+    stored, so only an algorithm without critics can go on from the folder. Rates are stored as they are now.
+
+    Args:
+        path: Folder to make the run in.
+        search: The search, after at least one generation.
+
+    Returns:
+        The run, read back.
+
+    Raises:
+        RequestError: The search has no generation yet.
+        StorageError: The folder holds a run already, or cannot be written.
+    """
+    if not search.metrics:
+        raise RequestError("The search has no generation yet; call run_generation first.")
+    file = Path(path) / stored_run.REPERTOIRE
+    info = RunInfo.of_new_run(search.spec, search.settings)
+    store_whole_run(file, info, search.archive, search.metrics, search.settings.rates)
+    run = StoredRun.load(file)
+    MetricsFile(file.with_name(METRICS_FILE)).rebuild(run.generations)
+    return run

@@ -1,0 +1,1 @@
+"""The parts of the orchestrator: children, evaluators, the generation loop, progress."""

@@ -1,0 +1,211 @@
+"""The child processes of a run: started, watched, restarted and stopped by the orchestrator."""
+
+from __future__ import annotations
+
+import signal
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from pga_me_ros.errors import PgaError
+from pga_me_ros.process.child import ChildProcess, python_module
+from pga_me_ros.ros.process import EXIT_BAD_INPUT
+
+STOP_GRACE = 2.0
+"""Seconds between asking a child to stop and killing it."""
+
+CRASH_LIMIT = 5
+"""Deaths of one child, with no good end of a generation in between, that end the run."""
+
+KILL_LIMIT = 20
+"""The same for deaths by SIGKILL, which come from outside or from a machine short of memory: those in a row before the
+child has done any work."""
+
+STABLE = 60.0
+"""Seconds after which a child that had nothing to do counts as one that works."""
+
+
+class ChildError(PgaError):
+    """A child cannot be started, or dies again and again."""
+
+
+@dataclass
+class Child:
+    """One node and the processes that it has had.
+
+    Attributes:
+        name: Node name.
+        command: Program and arguments.
+        log_path: File that its output is appended to.
+        inherited: File descriptors that it keeps open.
+        process: Its present process.
+        crashes: Deaths by its own fault that are not forgotten.
+        kills: Deaths by SIGKILL that are not forgotten.
+        works: Whether its present process has done some work.
+    """
+
+    name: str
+    command: list[str]
+    log_path: Path
+    inherited: tuple[int, ...]
+    crashes: int = 0
+    kills: int = 0
+
+    def __post_init__(self) -> None:
+        """Start it."""
+        self.start()
+
+    def start(self) -> None:
+        """Start its process, or a new one in the place of one that has ended."""
+        self.works, self._started = False, time.monotonic()
+        self.process = ChildProcess(self.command, self.log_path, inherited=self.inherited)
+
+    @property
+    def pid(self) -> int:
+        """Id of its present process."""
+        return self.process.pid
+
+    @property
+    def proven(self) -> bool:
+        """Whether its present process has shown that it can live."""
+        return self.works or time.monotonic() - self._started > STABLE
+
+
+class Children:
+    """All child processes of a run.
+
+    Args:
+        run_dir: Folder of the run; logs go to ``logs/``.
+        ros_arguments: ROS arguments that every child gets, such as the namespace.
+        lock: File descriptor of the run's lock: while a child lives, the run is in use.
+
+    Attributes:
+        restarts: How often a child was started again.
+        pids: Process ids of all children ever started, the dead ones too.
+    """
+
+    def __init__(self, run_dir: Path, ros_arguments: Sequence[str], lock: int) -> None:
+        self._lock = lock
+        self._logs = run_dir / "logs"
+        self._logs.mkdir(exist_ok=True)
+        self._ros_arguments = list(ros_arguments)
+        self._children: dict[str, Child] = {}
+        self.restarts = 0
+        self.pids: set[int] = set()
+
+    def start(self, kind: str, name: str, parameters: Path) -> Child:
+        """Start a node.
+
+        Args:
+            kind: Module in `pga_me_ros.nodes`.
+            name: Node name.
+            parameters: YAML file with its parameters.
+        """
+        arguments = ["--ros-args", "-r", f"__node:={name}", "--params-file", str(parameters)]
+        module = f"pga_me_ros.nodes.{kind}"
+        return self.run(name, python_module(module, *arguments, *self._ros_arguments))
+
+    def run(self, name: str, command: list[str]) -> Child:
+        """Start a command that ends when its standard input closes.
+
+        Args:
+            name: Node name.
+            command: Program and arguments.
+        """
+        child = Child(name, command, self._logs / f"{name}.log", (self._lock,))
+        self._children[name] = child
+        self.pids.add(child.pid)
+        return child
+
+    def pid(self, name: str) -> int:
+        """Return the process id of a child's present incarnation."""
+        return self._children[name].pid
+
+    def names(self) -> list[str]:
+        """Return the names of all children."""
+        return list(self._children)
+
+    def revive(self) -> list[str]:
+        """Start again what has died.
+
+        Returns:
+            Names of the children that were started again.
+
+        Raises:
+            ChildError: A child died too often.
+        """
+        dead = [child for child in self._children.values() if not child.process.alive]
+        for child in dead:
+            self._count_death(child)
+            child.process.close_input()
+            child.start()
+            self.pids.add(child.pid)
+            self.restarts += 1
+        return [child.name for child in dead]
+
+    def working(self, name: str, pid: int) -> None:
+        """Take note that a process has done some work."""
+        child = self._children.get(name)
+        if child and child.pid == pid:
+            child.works = True
+
+    def progressed(self) -> None:
+        """Forget past deaths at the end of a generation: what has part in the work between them is in no crash loop.
+
+        A child that dies at every start is remembered even while the others get on with the run.
+        """
+        for child in self._children.values():
+            if child.proven:
+                child.crashes = child.kills = 0
+
+    def stop(self, names: Sequence[str] | None = None, *, at_once: bool = False) -> None:
+        """Stop children, politely first; returns when they are gone.
+
+        Args:
+            names: Which; None for all.
+            at_once: Whether to be impolite.
+        """
+        stopped = [self._children[n] for n in (names if names is not None else self.names())]
+        for child in stopped:
+            child.process.send(signal.SIGKILL if at_once else signal.SIGTERM)
+        deadline = time.monotonic() + STOP_GRACE
+        for child in stopped:
+            if not child.process.wait(max(0.0, deadline - time.monotonic())):
+                child.process.send(signal.SIGKILL)
+                child.process.wait()
+            child.process.close_input()
+            del self._children[child.name]
+
+    def _count_death(self, child: Child) -> None:
+        code = child.process.exit_code
+        assert code is not None
+        if code == EXIT_BAD_INPUT:
+            raise ChildError(
+                f"Node '{child.name}' cannot start: {child.process.last_words().rstrip('.')}. See {child.log_path}."
+            )
+        if code == -signal.SIGKILL:
+            child.kills = 1 if child.proven else child.kills + 1
+        else:  # work before it is no excuse: there may be one evaluation that it never survives
+            child.crashes += 1
+        if child.crashes >= CRASH_LIMIT or child.kills >= KILL_LIMIT:
+            deaths = child.crashes + child.kills
+            words = child.process.last_words()
+            raise ChildError(
+                f"Node '{child.name}' crashed {deaths} times without completing a generation, the last time "
+                f"{_how(code)}; "
+                + (f"its last output: '{words}'. " if words else "it printed nothing. ")
+                + f"See {child.log_path}."
+            )
+
+
+def _how(code: int) -> str:
+    """Return in words how a process ended."""
+    if code >= 0:
+        return f"with exit code {code}"
+    try:
+        name = signal.Signals(-code).name
+    except ValueError:
+        name = f"signal {-code}"
+    memory = ", perhaps because memory ran out" if name == "SIGKILL" else ""
+    return f"by {name}{memory}"

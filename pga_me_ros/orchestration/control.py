@@ -1,0 +1,146 @@
+"""The orchestrator's own node: parameters, pause, resume, stop."""
+
+from __future__ import annotations
+
+import threading
+import time
+from typing import Any
+
+from rclpy.impl.rcutils_logger import RcutilsLogger
+from rclpy.parameter import Parameter
+from std_srvs.srv import Trigger
+
+from pga_me_ros.core.settings import RATES, Settings
+from pga_me_ros.errors import SettingsError
+from pga_me_ros.process.terminal import Terminal
+from pga_me_ros.ros import names
+from pga_me_ros.ros.options import RunOptions
+from pga_me_ros.ros.parameters import declare_run, on_change
+from pga_me_ros.ros.refusals import CalmRefusals
+from pga_me_ros.ros.shield import shield
+from pga_me_ros.ros.spinning import EndingNode
+
+
+class Control(EndingNode):
+    """What the user controls: the rates of the run, pause, resume and stop.
+
+    Attributes:
+        settings: Settings with the rates for the next generation.
+        options: How the run is carried out.
+        stop_requested: Set when the run is to end.
+        paused: Set while no new generation is to begin.
+        terminal: Where progress is shown.
+        began: Moment, of the monotonic clock, since when it is found by other nodes and finds them.
+    """
+
+    def __init__(self) -> None:
+        self.terminal = Terminal()
+        super().__init__("orchestrator", automatically_declare_parameters_from_overrides=True)
+        self.began = time.monotonic()
+        self._refusals = CalmRefusals()
+        shield(self, self.refused)
+        self.settings, options = declare_run(self, RunOptions)
+        self.options = RunOptions(**options)
+        self.stop_requested = threading.Event()
+        self.paused = threading.Event()
+        self.create_service(Trigger, names.PAUSE, self._pause)
+        self.create_service(Trigger, names.RESUME, self._resume)
+        self.create_service(Trigger, names.STOP, self._stop)
+        on_change(self, self._changed, self._change)
+
+    def get_logger(self) -> RcutilsLogger | CalmLogger:
+        """Return a logger that does not write into the line of progress."""
+        return CalmLogger(super().get_logger(), self.terminal)
+
+    def refused(self, reason: str) -> None:
+        """Log that a request or message was refused; in a flood of them, one a second."""
+        line = self._refusals.line(reason)
+        if line is not None:
+            self.get_logger().warning(line)
+
+    def take_rates(self, settings: Settings) -> None:
+        """Take the rates of a resumed run as they are in force, for the parameters to show."""
+        changed = [n for n in RATES if getattr(settings, n) != getattr(self.settings, n)]
+        self.set_parameters([Parameter(n, value=getattr(settings, n)) for n in changed])
+        self.settings = settings
+
+    def _changed(self, changes: dict[str, Any]) -> Settings:
+        """Return the settings after a change of rates.
+
+        Raises:
+            SettingsError: A value is out of range or does not fit the others.
+        """
+        fixed = [name for name in changes if name not in RATES]
+        if fixed:
+            raise SettingsError(
+                f"{', '.join(fixed)} cannot change while a run is under way; these can: "
+                f"{', '.join(RATES)}."
+            )
+        return self.settings.replace(**changes)
+
+    def _change(self, changes: dict[str, Any]) -> None:
+        self.settings = self._changed(changes)
+        listed = ", ".join(f"{name} = {value}" for name, value in changes.items())
+        self.get_logger().info(f"from the next generation on: {listed}")
+
+    def _pause(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        self.paused.set()
+        response.success, response.message = True, "pauses after the generation under way"
+        return response
+
+    def _resume(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        response.success = self.paused.is_set()
+        response.message = "continued" if response.success else "was not paused"
+        self.paused.clear()
+        return response
+
+    def _stop(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        self.stop_requested.set()
+        response.success, response.message = True, "stops; the same command resumes"
+        return response
+
+
+class CalmLogger:
+    """A node's logger that takes the line of progress out of its way.
+
+    Args:
+        logger: The logger of rclpy.
+        terminal: Where progress is shown.
+    """
+
+    def __init__(self, logger: RcutilsLogger, terminal: Terminal) -> None:
+        self._logger = logger
+        self._terminal = terminal
+
+    def __getattr__(self, name: str) -> Any:
+        """Everything else is the logger's own."""
+        return getattr(self._logger, name)
+
+    # A method each: rclpy remembers a severity for every line of code that logs.
+    def info(self, message: str) -> None:
+        """Log what is good to know."""
+        self._terminal.note(message)
+        with self._terminal.aside():
+            self._logger.info(message)
+
+    def warning(self, message: str) -> None:
+        """Log what the run copes with."""
+        self._terminal.note(f"warning: {message}")
+        with self._terminal.aside():
+            self._logger.warning(message)
+
+    def warn(self, message: str) -> None:
+        """Log what it copes with, as rclpy itself does."""
+        self.warning(message)
+
+    def fatal(self, message: str) -> None:
+        """Log a fault, as rclpy does of what a callback raises."""
+        self._terminal.note(f"fatal: {message}")
+        with self._terminal.aside():
+            self._logger.fatal(message)
+
+    def error(self, message: str) -> None:
+        """Log what it does not cope with."""
+        self._terminal.note(f"error: {message}")
+        with self._terminal.aside():
+            self._logger.error(message)

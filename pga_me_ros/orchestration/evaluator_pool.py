@@ -1,0 +1,327 @@
+"""The evaluators that are there right now, and the evaluations that are to be done by them."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from pga_me_msgs.msg import NodeStatus
+from pga_me_msgs.srv import Evaluate
+from rclpy.client import Client
+from rclpy.node import Node
+
+from pga_me_ros.arrays import Float32Array
+from pga_me_ros.errors import PgaError
+from pga_me_ros.orchestration.evaluator_work import Chunk, Job, Outcome, Worker, share
+from pga_me_ros.orchestration.roster import STALE
+from pga_me_ros.ros import qos
+from pga_me_ros.ros.convert import evaluated_from_msg, flat
+from pga_me_ros.ros.namesakes import offers_service
+from pga_me_ros.ros.refusals import printable
+
+IN_FLIGHT = 2
+"""Chunks per evaluator at a time: the next one is there when it finishes one, so that no round trip is waited for."""
+
+SETTLE = 1.0
+"""Seconds that a restarted evaluator gets until everybody has discovered its new service."""
+
+REFUSALS = 3
+"""Refusals in a row after which an evaluator gets no more work; when none is left, the run gives up."""
+
+MOST_WARNINGS = 1000
+"""Unusable evaluators that are reported; further ones are ignored."""
+
+RIVAL = 2.5
+"""Seconds since an evaluator's last heartbeat within which another process cannot take its name."""
+
+
+class EvaluatorPool:
+    """Spreads evaluations over the evaluators of the run's task, however many there are.
+
+    Results don't depend on who did what: evaluation k starts from the pose of (seed, k). So work is given twice without
+    harm when an evaluator is lost or slow, and the first result counts.
+
+    Args:
+        node: The orchestrator's node; its executor must spin in another thread.
+        job: The run.
+        wake: Called, from that thread, whenever a result came in.
+    """
+
+    def __init__(self, node: Node, job: Job, wake: Callable[[], None]) -> None:
+        self._node = node
+        self._job = job
+        self._wake = wake
+        self._lock = threading.RLock()
+        self._workers: dict[str, Worker] = {}
+        self._clients: dict[str, Client] = {}
+        self._warned: set[int] = set()
+        self._dead: set[tuple[str, int]] = set()
+        self._queue: deque[int] = deque()
+        self._parameters: dict[int, Float32Array] = {}
+        self._outcomes: dict[int, Outcome] = {}
+        self._seconds = 0.0  # mean time per evaluation in a chunk, 0 while unknown
+        self.generation = 0
+        self._exploration_sigma = 0.0
+        self._error: PgaError | None = None
+
+    def __len__(self) -> int:
+        """Return the number of evaluators at work."""
+        return len(self._workers)
+
+    @property
+    def waiting(self) -> int:
+        """Evaluations that no evaluator has answered yet, those sent twice counted twice."""
+        with self._lock:
+            sent = sum(len(c.ids) for worker in self._workers.values() for c in worker.chunks)
+            return len(self._queue) + sent
+
+    def begin(self, generation: int, exploration_sigma: float = 0.0) -> None:
+        """Forget the last generation's work and results.
+
+        Args:
+            generation: The next one.
+            exploration_sigma: Standard deviation of the noise on the actions of all its episodes.
+        """
+        with self._lock:
+            self.generation = generation
+            self._exploration_sigma = exploration_sigma
+            self._queue.clear()
+            self._parameters.clear()
+            self._outcomes.clear()
+
+    def submit(self, ids: Sequence[int], parameters: Float32Array) -> None:
+        """Ask for evaluations.
+
+        Args:
+            ids: n evaluation ids.
+            parameters: (n, P) float32 parameters.
+        """
+        with self._lock:
+            self._parameters.update(zip(ids, parameters, strict=True))
+            self._queue.extend(ids)
+            self._dispatch()
+
+    def repeat(self, ids: Sequence[int]) -> None:
+        """Do evaluations of this generation again, because their experience was lost."""
+        with self._lock:
+            for k in ids:
+                self._outcomes.pop(k, None)
+            self._queue.extend(ids)
+            self._dispatch()
+
+    def done(self, ids: Sequence[int]) -> bool:
+        """Whether all these evaluations have a result.
+
+        Raises:
+            PgaError: No evaluator takes them.
+        """
+        with self._lock:
+            if self._error:
+                raise self._error
+            return all(k in self._outcomes for k in ids)
+
+    def outcomes(self, ids: Sequence[int]) -> list[Outcome]:
+        """Return the results of finished evaluations."""
+        with self._lock:
+            return [self._outcomes[k] for k in ids]
+
+    def heard(self, msg: NodeStatus) -> None:
+        """Take an evaluator's heartbeat: it joins, stays, or is reported as unusable."""
+        if msg.kind != "evaluator":
+            return
+        with self._lock:
+            now = time.monotonic()
+            worker = self._workers.get(msg.node)
+            if worker is None:
+                self._join(msg, now)
+            elif worker.process != (msg.host, msg.pid):
+                self._replace(worker, msg, now)
+            else:
+                worker.seen = now
+                if msg.done != worker.done:
+                    worker.done, worker.progress = msg.done, now
+
+    def died(self, name: str) -> None:
+        """Give the work of an evaluator that is known to be dead to the others."""
+        with self._lock:
+            if name in self._workers:
+                self._dead.add(self._workers[name].process)
+                self._lose(name)
+
+    def tick(self) -> None:
+        """Look after lost evaluators and requests, and hand out work; call it several times a second."""
+        with self._lock:
+            now = time.monotonic()
+            for name, worker in list(self._workers.items()):
+                if now - worker.seen > STALE:
+                    if worker.chunks:  # else it is not missed, as after the end of a run
+                        self._node.get_logger().warning(
+                            f"evaluator {name} has been silent for {STALE:.0f} s; its work goes to others"
+                        )
+                    self._lose(name)
+                elif worker.chunks and not worker.client.service_is_ready():
+                    self._lose(name)  # it has left in good order; silence would tell only later
+                overdue = worker.overdue(now, self._seconds)
+                for chunk in overdue:  # its answer still counts, should it come
+                    worker.chunks.remove(chunk)
+                    self._put_back(chunk)
+                worker.given_up += bool(overdue)
+            self._dispatch()
+
+    def _lose(self, name: str) -> None:
+        worker = self._workers.pop(name)
+        for chunk in worker.chunks:
+            worker.client.remove_pending_request(chunk.future)
+            self._put_back(chunk)
+
+    def _replace(self, worker: Worker, msg: NodeStatus, now: float) -> None:
+        """Take a restarted evaluator in the place of its former self, but no rival of the same name."""
+        if now - worker.seen > RIVAL:
+            self._lose(msg.node)
+            self._join(msg, now)
+        else:
+            self._warn_once(
+                (msg.node, msg.host, msg.pid),
+                f"evaluator {msg.node} (process {msg.pid} on {msg.host}) is not used: process "
+                f"{worker.process[1]} on {worker.process[0]} has the same name. "
+                "Give it another one (--ros-args -r __node:=NAME).",
+            )
+
+    def _join(self, msg: NodeStatus, now: float) -> None:
+        if (msg.host, msg.pid) in self._dead or not self._fits(msg):
+            return
+        known = msg.node in self._clients
+        if not known:
+            if not offers_service(self._node, f"{msg.node}/evaluate"):
+                return  # its next heartbeat comes in a second
+            # Clients are kept for good: destroying one while the executor waits for it is an error in rclpy.
+            self._clients[msg.node] = self._node.create_client(
+                Evaluate, f"{msg.node}/evaluate", qos_profile=qos.CLIENT
+            )
+        self._workers[msg.node] = Worker(
+            client=self._clients[msg.node],
+            process=(msg.host, msg.pid),
+            usable=now + (SETTLE if known else 0.0),
+            seen=now,
+            done=msg.done,
+            progress=now,
+        )
+
+    def _fits(self, msg: NodeStatus) -> bool:
+        job = self._job
+        if (msg.task, msg.versions) == (job.task, job.versions):
+            return True
+        self._warn_once(
+            (msg.node, msg.host, msg.pid),
+            f"evaluator {msg.node} is not used: it has task '{msg.task}' with {msg.versions}, "
+            f"this run needs '{job.task}' with {job.versions} to give the same results.",
+        )
+        return False
+
+    def _warn_once(self, who: tuple[str, str, int], text: str) -> None:
+        key = hash(who)  # a stranger's name may be of any length
+        if key not in self._warned and len(self._warned) < MOST_WARNINGS:
+            self._warned.add(key)
+            self._node.get_logger().warning(printable(text))
+
+    def _put_back(self, chunk: Chunk) -> None:
+        waiting = set(self._queue)
+        ids = [k for k in chunk.ids if k in self._parameters and k not in waiting]
+        self._queue.extendleft(k for k in reversed(ids) if k not in self._outcomes)
+
+    def _dispatch(self) -> None:
+        """Give queued work to evaluators with room."""
+        now = time.monotonic()
+        if self._queue:
+            ready = self._ready(now)
+            for load in range(IN_FLIGHT):
+                for worker in ready:
+                    if self._queue and len(worker.chunks) == load:
+                        n = share(len(self._queue), len(ready), self._seconds)
+                        self._send(worker, [self._queue.popleft() for _ in range(n)])
+        if not self._queue:
+            self._help_stragglers(now)
+
+    def _ready(self, now: float) -> list[Worker]:
+        """Return the evaluators that can be asked; rclpy takes a while to say so of each."""
+        return [
+            w
+            for w in self._workers.values()
+            if w.usable <= now and w.refusals < REFUSALS and w.client.service_is_ready()
+        ]
+
+    def _help_stragglers(self, now: float) -> None:
+        late = {
+            k
+            for worker in self._workers.values()
+            for k in worker.late(now, self._seconds)
+            if k in self._parameters  # not of an earlier generation, done twice and forgotten
+            and k not in self._outcomes
+        }
+        if not late or not self._seconds:
+            return
+        idle = [w for w in self._ready(now) if not w.chunks]
+        for i, helper in enumerate(idle):
+            some = sorted(late)[i :: len(idle)]
+            if some:
+                self._send(helper, some)
+
+    def _send(self, worker: Worker, ids: list[int]) -> None:
+        job = self._job
+        request = Evaluate.Request(
+            run_id=job.run_id, task=job.task, seed=job.seed, generation=self.generation
+        )
+        request.exploration_sigma = self._exploration_sigma
+        request.evaluations = flat(ids, "q")
+        request.layer_sizes = flat(job.layer_sizes, "q")
+        request.parameters = flat(np.stack([self._parameters[k] for k in ids]), "f")
+        chunk = Chunk(ids, time.monotonic())
+        worker.chunks.append(chunk)
+        chunk.future = worker.client.call_async(request)
+        chunk.future.add_done_callback(lambda future: self._answered(worker, chunk, future))
+
+    def _answered(self, worker: Worker, chunk: Chunk, future: Any) -> None:
+        with self._lock:
+            if chunk in worker.chunks:  # else it was given up meanwhile
+                worker.chunks.remove(chunk)
+            if all(k in self._parameters for k in chunk.ids):  # else of an earlier generation
+                self._take(worker, chunk, future.result())
+            self._dispatch()
+            all_done = self._error or len(self._outcomes) == len(self._parameters)
+        if all_done:  # whoever waits does so for all that was submitted
+            self._wake()
+
+    def _take(self, worker: Worker, chunk: Chunk, response: Evaluate.Response) -> None:
+        try:
+            if not response.accepted:
+                raise PgaError(response.message)
+            out = evaluated_from_msg(response, len(chunk.ids), self._job.descriptor_dim)
+        except PgaError as error:
+            self._refuse(worker, chunk, str(error))
+            return
+        worker.refusals = worker.given_up = 0
+        for i, k in enumerate(chunk.ids):
+            outcome = Outcome(
+                float(out.fitness[i]),
+                out.descriptors[i],
+                int(out.steps[i]),
+                bool(out.terminated[i]),
+            )
+            self._outcomes.setdefault(k, outcome)
+        took = (time.monotonic() - chunk.sent) / len(chunk.ids)
+        self._seconds = took if not self._seconds else 0.9 * self._seconds + 0.1 * took
+
+    def _refuse(self, worker: Worker, chunk: Chunk, reason: str) -> None:
+        worker.refusals += 1
+        self._put_back(chunk)
+        if worker.refusals == REFUSALS:
+            self._node.get_logger().warning(
+                f"the evaluator in process {worker.process[1]} on {worker.process[0]} refused "
+                f"{REFUSALS} times and gets no more work: {reason}"
+            )
+        if all(w.refusals >= REFUSALS for w in [worker, *self._workers.values()]):
+            self._error = PgaError(f"Evaluations {chunk.ids} cannot be done: {reason}")

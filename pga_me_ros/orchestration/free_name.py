@@ -1,0 +1,78 @@
+"""Of several orchestrators with one name, the one that was there first stays."""
+
+from __future__ import annotations
+
+import os
+import socket
+
+from pga_me_msgs.msg import NodeStatus, Progress
+
+from pga_me_ros.errors import PgaError
+from pga_me_ros.orchestration.calls import StoppedError, Waiter
+from pga_me_ros.orchestration.control import Control
+from pga_me_ros.orchestration.team import SINGLETONS, name_is_taken
+from pga_me_ros.ros import names, qos
+from pga_me_ros.ros.namesakes import LISTEN, LISTEN_ON, listening_time
+from pga_me_ros.ros.refusals import printable
+
+
+def require_free_name(control: Control, claim: Progress, *, new: bool) -> None:
+    """Make sure that no other orchestrator lives in this namespace.
+
+    Of several that are started at the same time, the one whose claim is the oldest stays.
+
+    Args:
+        control: The orchestrator's node.
+        claim: What it has published of itself, without a run yet.
+        new: Whether the run's folder is still to be made; nobody else's nodes may then be there either. Of a run that
+            is resumed they may be its own, about to notice that their orchestrator was killed.
+
+    Raises:
+        PgaError: Another orchestrator or one of its nodes has the name.
+    """
+    heard: list[Progress] = []
+    strangers: list[NodeStatus] = []
+    waiter = Waiter(lambda: stop_if_asked(control))
+
+    def take(msg: Progress) -> None:
+        if (
+            not heard
+            and (msg.host, msg.pid) != (socket.gethostname(), os.getpid())
+            and (msg.run_id or age(msg) < age(claim))
+        ):
+            heard.append(msg)
+            waiter.wake()
+
+    def take_node(msg: NodeStatus) -> None:
+        if new and not strangers and msg.kind in SINGLETONS:
+            strangers.append(msg)
+
+    control.create_subscription(Progress, names.PROGRESS, take, qos.LATCHED)
+    control.create_subscription(NodeStatus, names.STATUS, take_node, qos.STATUS)
+    waiter.until(lambda: bool(heard), LISTEN)
+    waiter.until(lambda: bool(heard), listening_time(control, control.get_name()) - LISTEN)
+    if strangers:  # their orchestrator, if they have one, says more about them
+        waiter.until(lambda: bool(heard), LISTEN_ON)
+    if heard:
+        who = printable(f"process {heard[0].pid} on {heard[0].host}, task {heard[0].task}")
+        raise PgaError(
+            f"Another orchestrator runs as {control.get_fully_qualified_name()} ({who}). "
+            "Stop it, or give this one a namespace (--ros-args -r __ns:=/NAME) or another ROS_DOMAIN_ID."
+        )
+    if strangers:
+        raise name_is_taken(strangers[0])
+
+
+def stop_if_asked(control: Control) -> None:
+    """End a wait when the user asked to stop.
+
+    Raises:
+        StoppedError: The run was asked to stop.
+    """
+    if control.stop_requested.is_set():
+        raise StoppedError
+
+
+def age(claim: Progress) -> tuple[int, int, str, int]:
+    """Return what orders claims to a name: the smallest is the oldest."""
+    return claim.stamp.sec, claim.stamp.nanosec, claim.host, claim.pid

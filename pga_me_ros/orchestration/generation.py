@@ -1,0 +1,170 @@
+"""The generation loop of the graph: Alg. 3 with evaluation, critic training and variation side by side."""
+
+from __future__ import annotations
+
+import numpy as np
+from pga_me_msgs.msg import Metrics
+from pga_me_msgs.srv import AddToArchive, Propose, SampleParents
+
+from pga_me_ros.arrays import Float32Array, Int64Array
+from pga_me_ros.core.algorithms import Slots
+from pga_me_ros.core.batch import Batch
+from pga_me_ros.core.networks.mlp import MlpShape
+from pga_me_ros.core.operators import OPERATORS, Operator
+from pga_me_ros.core.plan import GenerationPlan
+from pga_me_ros.core.settings import Settings
+from pga_me_ros.errors import PgaError
+from pga_me_ros.orchestration.calls import LoopClients, Waiter, accepted, call
+from pga_me_ros.orchestration.evaluator_pool import EvaluatorPool
+from pga_me_ros.orchestration.trainer_client import TrainerClient
+from pga_me_ros.ros.convert import flat, rates_to_msg, shaped
+
+PIECE = 25
+"""Offspring per request: evaluators start on the first ones while the next are made."""
+
+ON_THE_WAY = (0.02, 1.0)
+"""Seconds that parents which are published again get to arrive: the first time, and at most; it doubles in between."""
+
+
+class GenerationLoop:
+    """Carries out one generation after the other.
+
+    Whatever is asked of a node depends on the request alone or on what was committed before, so a node that dies is
+    asked again after its restart, and the result is the same.
+
+    Args:
+        run_id: Id of the run.
+        shape: Layers of the controllers.
+        clients: Services of the other nodes.
+        pool: Evaluators.
+        critics: The critic trainer's side.
+        waiter: How to wait.
+        imported: (n, P) float32 controllers that the run starts with in place of random ones.
+    """
+
+    def __init__(
+        self,
+        run_id: str,
+        shape: MlpShape,
+        clients: LoopClients,
+        pool: EvaluatorPool,
+        critics: TrainerClient,
+        waiter: Waiter,
+        imported: Float32Array,
+    ) -> None:
+        self._run_id = run_id
+        self._shape = shape
+        self._clients = clients
+        self._pool = pool
+        self._critics = critics
+        self._waiter = waiter
+        self._imported = imported
+
+    def run(self, settings: Settings, before: Settings, t: int) -> Metrics:
+        """Make, evaluate and add generation t; meanwhile train for the next.
+
+        Args:
+            settings: Settings with the rates in force.
+            before: Settings with the rates of the generation before.
+            t: Number of the generation; all before it are committed.
+
+        Returns:
+            Metrics of the archive after it.
+        """
+        plan = GenerationPlan.of(settings, before, t, len(self._imported))
+        batch = Batch.empty(t, plan.evaluations, self._shape.parameter_count)
+        self._pool.begin(t, plan.exploration_sigma)
+        if plan.training and not self._critics.has(plan.training):
+            self._critics.start(plan.training)  # nothing new where it is under way
+        if plan.training and plan.meanwhile:
+            self._critics.start_after(plan.meanwhile, plan.training)
+        for slots in plan.unlearned:  # evaluated while the critics still train
+            self._fill(plan, batch, slots)
+        if plan.training:
+            self._critics.wait_for(plan.training)
+        if plan.meanwhile:
+            self._critics.start(plan.meanwhile)  # nothing new where it has followed
+        for slots in plan.learned:
+            self._fill(plan, batch, slots)
+        self._waiter.until(lambda: self._pool.done(batch.evaluations))
+        self._critics.store(t, batch.evaluations)
+        if plan.meanwhile and plan.meanwhile_ends_within:
+            self._critics.wait_for(plan.meanwhile)
+        return self._add(plan, batch)
+
+    def _fill(self, plan: GenerationPlan, batch: Batch, slots: Slots) -> None:
+        """Have offspring made and send each piece to the evaluators at once."""
+        end = slots.first + slots.count
+        for first in range(slots.first, end, PIECE):
+            places = slice(first, min(first + PIECE, end))
+            ids = batch.evaluations[places]
+            batch.operators[places] = slots.operator
+            if slots.operator == Operator.GREEDY:
+                batch.parameters[places] = self._critics.greedy(plan.generation)
+            elif slots.operator == Operator.IMPORTED:
+                batch.parameters[places] = self._imported[ids]
+            else:
+                each = OPERATORS[slots.operator].parents
+                request = self._proposal(plan, slots.operator, first, len(ids))
+                if each:
+                    batch.parents[places, :each] = self._sample(request, each)
+                    request.parents = flat(batch.parents[places, :each], "q")
+                batch.parameters[places] = self._propose(plan, request, each)
+            self._pool.submit(ids, batch.parameters[places])
+
+    def _sample(self, proposal: Propose.Request, each: int, *, publish: bool = False) -> Int64Array:
+        """Return the evaluation ids (n, each) of parents for what is to be proposed."""
+        request = SampleParents.Request(
+            run_id=self._run_id,
+            generation=proposal.generation,
+            first=proposal.first,
+            count=proposal.count,
+            parents_each=each,
+            publish=publish,
+        )
+        response = accepted(self._waiter, self._clients.sample_parents, request)
+        return shaped(response.evaluations, (proposal.count, each), np.int64, "evaluations")
+
+    def _proposal(
+        self, plan: GenerationPlan, operator: Operator, first: int, n: int
+    ) -> Propose.Request:
+        request = Propose.Request(
+            run_id=self._run_id,
+            generation=plan.generation,
+            operator_id=int(operator),
+            first=first,
+            count=n,
+        )
+        request.rates = rates_to_msg(plan.settings)
+        return request
+
+    def _propose(self, plan: GenerationPlan, request: Propose.Request, each: int) -> Float32Array:
+        """Return the parameters (n, P) of offspring."""
+        pause, longest = ON_THE_WAY
+        while True:
+            response = call(self._waiter, self._clients.propose, request)
+            if response.accepted:
+                size = (request.count, self._shape.parameter_count)
+                return shaped(response.parameters, size, np.float32, "parameters")
+            if response.lacking:  # a variation node that was restarted, or is about to hear them
+                self._sample(request, each, publish=True)
+                self._waiter.pause(pause)
+                pause = min(2.0 * pause, longest)
+            elif response.again and plan.training:
+                self._critics.remind(plan.training)
+            else:
+                raise PgaError(f"The variation node refused: {response.message}")
+
+    def _add(self, plan: GenerationPlan, batch: Batch) -> Metrics:
+        """Commit the generation to the archive."""
+        solutions = batch.solutions(self._pool.outcomes(batch.evaluations))
+        request = AddToArchive.Request(run_id=self._run_id, generation=batch.generation)
+        request.operators = solutions.operators.tolist()
+        request.parents = flat(solutions.parents, "q")
+        request.fitness = flat(solutions.fitness, "d")
+        request.descriptors = flat(solutions.descriptors, "d")
+        request.steps = flat(solutions.steps, "q")
+        request.terminated = solutions.terminated.tolist()
+        request.parameters = flat(solutions.parameters, "f")
+        request.rates = rates_to_msg(plan.settings)
+        return accepted(self._waiter, self._clients.add_to_archive, request).metrics

@@ -1,0 +1,115 @@
+"""How a run is going: a topic for programs, and a line of text for people."""
+
+from __future__ import annotations
+
+import math
+import os
+import socket
+import time
+from collections import deque
+
+from pga_me_msgs.msg import Metrics, Progress
+
+from pga_me_ros.core.settings import Settings
+from pga_me_ros.orchestration.control import Control
+from pga_me_ros.ros import names, qos
+
+WINDOW = 20
+"""Generations over which the rate is taken."""
+
+ENDS = ("finished", "stopping", "failed")
+"""States after which there is no progress."""
+
+
+class ProgressReporter:
+    """Publishes `Progress` and prints it.
+
+    Until `begin`, what it publishes is a claim to the orchestrator's name, stamped with the time since when.
+
+    Args:
+        control: The orchestrator's node.
+    """
+
+    def __init__(self, control: Control) -> None:
+        self._control = control
+        self.msg = Progress(
+            state="starting", generation=-1, host=socket.gethostname(), pid=os.getpid()
+        )
+        self.msg.stamp = control.get_clock().now().to_msg()
+        self.msg.max_fitness = self.msg.eta = math.nan
+        self._publisher = control.create_publisher(Progress, names.PROGRESS, qos.LATCHED)
+        self._times: deque[tuple[float, int]] = deque(maxlen=WINDOW + 1)
+
+    def begin(self, run_id: str, settings: Settings) -> None:
+        """Say which run it is."""
+        self.msg.run_id, self.msg.task = run_id, settings.task
+        self.msg.generations = settings.generations
+        self.msg.budget = settings.generations * settings.batch_size
+        self.publish()
+
+    def enter(self, state: str) -> None:
+        """Say that the run is in another state now."""
+        if state == "running" and self.msg.state != "running":
+            self._times.clear()
+            self._times.append((time.monotonic(), self.msg.evaluations))
+        if state in ENDS:
+            self._control.terminal.close()
+        self.msg.state = state
+        self.publish()
+
+    def generation(self, metrics: Metrics, *, finished: bool = True) -> None:
+        """Report the archive after a generation.
+
+        Args:
+            metrics: Its metrics.
+            finished: Whether the generation was done just now, rather than before this start.
+        """
+        msg = self.msg
+        msg.generation, msg.evaluations = metrics.generation, metrics.evaluations
+        msg.cells, msg.coverage = metrics.cells, metrics.coverage
+        msg.qd_score, msg.max_fitness = metrics.qd_score, metrics.max_fitness
+        if finished:
+            self._measure()
+            self._control.terminal.show(self.parts())
+        self.publish()
+
+    def publish(self) -> None:
+        """Publish the present state."""
+        if self.msg.run_id:
+            self.msg.stamp = self._control.get_clock().now().to_msg()
+        self._publisher.publish(self.msg)
+
+    def say(self, text: str) -> None:
+        """Print a line of its own."""
+        self._control.terminal.say(text)
+
+    def parts(self) -> list[str]:
+        """Return the progress in words, what can be left out in a narrow terminal at the end."""
+        m = self.msg
+        return [
+            m.task,
+            f"evaluations {m.evaluations}/{m.budget}",
+            f"coverage {m.coverage}/{m.cells}",
+            f"ETA {_duration(m.eta)}",
+            f"best {m.max_fitness:.0f}",
+            f"QD-score {m.qd_score:.0f}",
+            f"{m.rate:.1f}/s",
+            f"generation {m.generation + 1}/{m.generations}",
+        ]
+
+    def _measure(self) -> None:
+        """Take rate and remaining time from the last generations."""
+        msg = self.msg
+        self._times.append((time.monotonic(), msg.evaluations))
+        (t0, n0), (t1, n1) = self._times[0], self._times[-1]
+        if t1 > t0:
+            msg.rate = (n1 - n0) / (t1 - t0)
+            msg.eta = max(0, msg.budget - msg.evaluations) / msg.rate
+
+
+def _duration(seconds: float) -> str:
+    if math.isnan(seconds):
+        return "?"
+    minutes, seconds = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours}:{minutes:02d}:{seconds:02d}" if hours else f"{minutes}:{seconds:02d}"

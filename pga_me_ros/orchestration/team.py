@@ -1,0 +1,144 @@
+"""The nodes of one run: which there are, with which parameters, and whether all are alive."""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from typing import Any
+
+from pga_me_msgs.msg import NodeStatus
+
+from pga_me_ros.core.runs.critic_checkpoints import CriticCheckpoints
+from pga_me_ros.core.runs.run_directory import RunDirectory
+from pga_me_ros.core.storage.database import explained
+from pga_me_ros.core.storage.files import replace_file
+from pga_me_ros.errors import PgaError
+from pga_me_ros.orchestration.children import Children
+from pga_me_ros.orchestration.control import Control
+from pga_me_ros.orchestration.evaluator_pool import EvaluatorPool
+from pga_me_ros.orchestration.roster import HANGING, Roster
+from pga_me_ros.ros.command_line import remappings
+from pga_me_ros.ros.namesakes import listening_time
+from pga_me_ros.ros.refusals import printable
+
+SINGLETONS = ("archive_manager", "critic_trainer", "variation")
+"""Nodes of which a run has one each; their kind is their name."""
+
+
+class Team:
+    """Starts the nodes of a run and keeps them alive.
+
+    Args:
+        node: The orchestrator's node.
+        directory: Folder of the run.
+        pool: Evaluators, told when one of ours died.
+
+    Attributes:
+        children: Their processes.
+        roster: Which of them have been heard from.
+    """
+
+    def __init__(self, node: Control, directory: RunDirectory, pool: EvaluatorPool) -> None:
+        self._node = node
+        self._directory = directory
+        self._pool = pool
+        namespace = node.get_namespace()
+        arguments = ["-r", f"__ns:={namespace}", *remappings(sys.argv[1:])]
+        self.children = Children(directory.path, arguments, directory.lock.fileno())
+        self.roster = Roster(self.children, namespace)
+        self._parameters = directory.path / "parameters"
+        self._parameters.mkdir(exist_ok=True)
+        self._silent: set[str] = set()
+        self._foreign: NodeStatus | None = None
+
+    def start_archive(self, *, grow: bool) -> None:
+        """Start the node that serves the repertoire."""
+        self._start(
+            "archive_manager",
+            "archive_manager",
+            {"repertoire": str(self._directory.repertoire.resolve()), "grow": grow},
+        )
+
+    def start_learners(self) -> None:
+        """Start critic trainer and variation; what an interrupted generation trained is trained again.
+
+        Raises:
+            StorageError: A stored outcome of a training is damaged.
+        """
+        CriticCheckpoints(self._directory.path).discard_since(self._directory.next_generation)
+        values = {
+            **self._directory.settings.given,
+            "run_id": self._directory.run_id,
+            "run_dir": str(self._directory.path.resolve()),
+        }
+        self._start("critic_trainer", "critic_trainer", values)
+        self._start("variation", "variation", values)
+
+    def start_evaluators(self, count: int) -> None:
+        """Start evaluators on this machine."""
+        for i in range(count):
+            self._start("evaluator", f"evaluator_{i}", {"task": self._directory.settings.task})
+
+    def stop_workers(self) -> None:
+        """Stop all but the archive manager."""
+        self.children.stop([n for n in self.children.names() if n != "archive_manager"])
+
+    def heard(self, msg: NodeStatus) -> None:
+        """Take a node's heartbeat."""
+        if self.roster.heard(msg):
+            return
+        if msg.kind in SINGLETONS or self.roster.name_of(msg) in self.children.names():
+            self._foreign = msg
+
+    def ready(self) -> bool:
+        """Whether every child has said that it is up, and nobody else has the names of ours.
+
+        Raises:
+            PgaError: Somebody else's node has the name of one of ours.
+        """
+        if self._foreign:
+            raise name_is_taken(self._foreign)
+        if not self.roster.all_up:
+            return False
+        return time.monotonic() - self._node.began >= listening_time(self._node, *SINGLETONS)
+
+    def tick(self) -> None:
+        """Restart children that died and report those that have fallen silent.
+
+        Raises:
+            ChildError: A child cannot be started, or dies again and again.
+        """
+        for name in self.children.revive():
+            self._node.get_logger().warning(f"{name} died and was restarted")
+            self._pool.died(self.roster.prefix + name)
+        self._tell_of_silence()
+
+    def _tell_of_silence(self) -> None:
+        """Say which of the nodes that the run cannot do without are silent, and when they are back."""
+        silent = self.roster.hanging(SINGLETONS)
+        for name in sorted(silent - self._silent):
+            self._node.get_logger().warning(
+                f"{name} (process {self.children.pid(name)}) has been silent for {HANGING:.0f} s and the run waits for "
+                "it: if it is stopped, continue it (SIGCONT); if it hangs, kill it, and the run restarts it"
+            )
+        for name in sorted(self._silent - silent):
+            self._node.get_logger().info(f"{name} is back")
+        self._silent = silent
+
+    def _start(self, kind: str, name: str, values: dict[str, Any]) -> None:
+        path = self._parameters / f"{kind}.yaml"
+        # JSON is YAML too, and writes every number so that it is read back the same.
+        content = json.dumps({"/**": {"ros__parameters": values}}, indent=2)
+        with explained(self._directory.path):
+            replace_file(path, f"{content}\n".encode())
+            self.children.start(kind, name, path)
+
+
+def name_is_taken(by: NodeStatus) -> PgaError:
+    """Return the error of a run of which a node has its namesake in the graph."""
+    who = printable(f"{by.node} (process {by.pid} on {by.host})")
+    return PgaError(
+        f"The name {who} is taken in this ROS domain. Stop that node, or give this "
+        "run a namespace (--ros-args -r __ns:=/NAME) or another ROS_DOMAIN_ID."
+    )

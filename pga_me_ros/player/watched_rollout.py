@@ -1,0 +1,115 @@
+"""Episodes with somebody watching: what is seen changes nothing of what happens."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from pga_me_ros.arrays import Float32Array
+from pga_me_ros.errors import TaskError
+from pga_me_ros.player.body_reader import BodyReader
+from pga_me_ros.player.model import RobotModel, RobotState
+from pga_me_ros.tasks.body import Body
+from pga_me_ros.tasks.protocol import Task
+from pga_me_ros.tasks.rollout import Episode, rollout
+
+Look = Callable[[int, BodyReader], None]
+
+
+def watched_rollout(
+    task: Task,
+    controller: Callable[[Float32Array], Float32Array],
+    rng: np.random.Generator,
+    look: Look,
+) -> Episode:
+    """Run one episode as `rollout` does, and look at the robot before the first and after each step.
+
+    Args:
+        task: The task; it must have a `body`.
+        controller: As in `rollout`.
+        rng: Source of the initial pose.
+        look: Called with the number of steps done and the reader of the robot. What it raises ends the episode.
+
+    Raises:
+        TaskError: The task has no `body`, or its robot cannot be shown.
+    """
+    reader = BodyReader(body_of(task))
+    steps = 0
+
+    def act(observation: Float32Array) -> Float32Array:
+        nonlocal reader, steps
+        if steps == 0:  # the reset may have opened another world
+            reader = BodyReader(body_of(task))
+        look(steps, reader)
+        steps += 1
+        return controller(observation)
+
+    episode = rollout(task, act, rng)
+    look(steps, reader)
+    return episode
+
+
+def body_of(task: Any) -> Body:
+    """Return where a task's robot is to be found.
+
+    Raises:
+        TaskError: The task does not say.
+    """
+    body = getattr(task, "body", None)
+    if not isinstance(body, Body):
+        raise TaskError(
+            f"task '{task.spec.name}' cannot be shown: it has no property 'body' that is a "
+            "pga_me_ros.tasks.body.Body; docs/tasks.md tells how to add one"
+        )
+    return body
+
+
+@dataclass(frozen=True)
+class Recording:
+    """An episode to be drawn.
+
+    Attributes:
+        model: The robot.
+        states: What was seen of it.
+        steps: Steps done before each of the states.
+        episode: What the episode came to.
+    """
+
+    model: RobotModel
+    states: tuple[RobotState, ...]
+    steps: tuple[int, ...]
+    episode: Episode
+
+
+def record(
+    task: Task,
+    controller: Callable[[Float32Array], Float32Array],
+    rng: np.random.Generator,
+    every: int = 1,
+) -> Recording:
+    """Run one episode and keep the states of the robot.
+
+    Args:
+        task: As in `watched_rollout`.
+        controller: As in `watched_rollout`.
+        rng: As in `watched_rollout`.
+        every: Steps between two states.
+
+    Raises:
+        TaskError: The task has no `body`, or its robot cannot be shown.
+    """
+    states: list[RobotState] = []
+    steps: list[int] = []
+    readers: list[BodyReader] = []
+
+    def look(step: int, reader: BodyReader) -> None:
+        if step % every == 0:
+            states.append(reader.state())
+            steps.append(step)
+            readers[:] = [reader]
+
+    episode = watched_rollout(task, controller, rng, look)
+    return Recording(readers[0].model, tuple(states), tuple(steps), episode)

@@ -1,0 +1,1 @@
+"""Processes without ROS: signals, children, standard streams, exit codes."""

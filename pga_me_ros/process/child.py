@@ -1,0 +1,118 @@
+"""A child process that ends with its parent, in a session of its own, with its output in a log file."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path
+
+from pga_me_ros.process.parent_watch import PARENT_WATCH
+
+TAIL_BYTES = 10_000
+"""Bytes at the end of a log in which the last line is looked for."""
+
+
+class ChildProcess:
+    """One process from start to end.
+
+    It sits in a session of its own, so that Ctrl-C in the terminal reaches its parent alone. It must end when its
+    standard input closes (`process.parent_watch`), which the kernel does when the parent dies.
+
+    Args:
+        command: Program and arguments.
+        log_path: File that its output is appended to.
+        inherited: File descriptors that it keeps open.
+        environment: Environment variables that it gets besides this process's own.
+
+    Attributes:
+        log_path: File that its output is appended to.
+
+    Raises:
+        OSError: The log cannot be written, or the process cannot be started.
+    """
+
+    def __init__(
+        self,
+        command: Sequence[str],
+        log_path: Path,
+        *,
+        inherited: Sequence[int] = (),
+        environment: Mapping[str, str] | None = None,
+    ) -> None:
+        self.log_path = log_path
+        with log_path.open("ab") as log:
+            self._log_start = log.tell()
+            self._process = subprocess.Popen(
+                command,
+                stdin=subprocess.PIPE,  # closes when this process dies: the child's sign to end
+                stdout=log,
+                stderr=subprocess.STDOUT,
+                start_new_session=True,
+                env={**os.environ, PARENT_WATCH: "1", **(environment or {})},
+                pass_fds=inherited,
+            )
+
+    @property
+    def pid(self) -> int:
+        """Process id."""
+        return self._process.pid
+
+    @property
+    def exit_code(self) -> int | None:
+        """How it ended: exit status, or minus the number of the signal; None while it lives."""
+        return self._process.poll()
+
+    @property
+    def alive(self) -> bool:
+        """Whether it still runs."""
+        return self.exit_code is None
+
+    def send(self, number: signal.Signals) -> None:
+        """Send it a signal, unless it has ended."""
+        if self.alive:
+            self._process.send_signal(number)
+
+    def kill_session(self) -> None:
+        """Kill it, and with it whatever it has started in its own process group."""
+        if self.alive:
+            with suppress(ProcessLookupError):
+                os.killpg(self.pid, signal.SIGKILL)
+
+    def wait(self, timeout: float | None = None) -> bool:
+        """Wait for its end.
+
+        Args:
+            timeout: Seconds to wait at most, None for any number.
+
+        Returns:
+            Whether it has ended.
+        """
+        with suppress(subprocess.TimeoutExpired):
+            self._process.wait(timeout)
+        return not self.alive
+
+    def close_input(self) -> None:
+        """Close its standard input: its sign to end, if it has not."""
+        if self._process.stdin:
+            self._process.stdin.close()
+
+    def last_words(self) -> str:
+        """Return the last line that it printed, without what marks it as an error; empty for none."""
+        try:
+            with self.log_path.open("rb") as log:
+                log.seek(max(self._log_start, log.seek(0, os.SEEK_END) - TAIL_BYTES))
+                lines = log.read().decode(errors="replace").split("\n")
+        except OSError:
+            return ""
+        last = next((line.strip() for line in reversed(lines) if line.strip()), "")
+        return last.removeprefix("error: ")
+
+
+def python_module(module: str, *arguments: str) -> list[str]:
+    """Return the command that runs a module by this interpreter, importing from the same places as this process."""
+    safe_path = ["-P"] if sys.flags.safe_path else []  # -P leaves the current folder out
+    return [sys.executable, *safe_path, "-m", module, *arguments]

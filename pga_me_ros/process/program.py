@@ -1,0 +1,36 @@
+"""How the programs that are no nodes end: an exit status and at most one line, never a traceback."""
+
+from __future__ import annotations
+
+import signal
+import sys
+from collections.abc import Callable
+
+from pga_me_ros.errors import PgaError
+from pga_me_ros.process.streams import let_go, open_standard_streams, settle, tell
+
+
+def run_program(work: Callable[[], None], stopped: str = "stopped") -> int:
+    """Do the work of a program.
+
+    Args:
+        work: Does it, and prints what came of it.
+        stopped: What to say after Ctrl-C.
+
+    Returns:
+        Exit status: 0; 2 when it could not be done; 130 after Ctrl-C.
+    """
+    open_standard_streams()
+    try:
+        work()
+        sys.stdout.flush()
+    except KeyboardInterrupt:
+        tell(stopped, sys.stderr)
+        return 128 + signal.SIGINT
+    except BrokenPipeError:  # the reader, such as `head`, has seen enough
+        let_go(sys.stdout)
+    except (PgaError, OSError) as error:
+        settle(sys.stdout)
+        tell(f"error: {error}", sys.stderr)
+        return 2
+    return 0

@@ -1,0 +1,85 @@
+"""Ctrl-C and SIGTERM for a program that ends in good order on the first and at once on the second."""
+
+from __future__ import annotations
+
+import os
+import select
+import signal
+from collections.abc import Callable
+from types import FrameType
+
+ENDING = (signal.SIGINT, signal.SIGTERM)
+"""Signals that ask a program to end."""
+
+
+class SecondSignal(BaseException):
+    """The user does not want to wait any longer."""
+
+
+class Signals:
+    """Catches the signals that ask this program to end, from its main thread.
+
+    Args:
+        first: Called with the number of the first signal, within its handler.
+        later: The same for each further one; it may raise, as `insist` does.
+
+    Attributes:
+        received: Number of the first signal, 0 for none.
+        impatient: Whether there was a second one.
+    """
+
+    def __init__(
+        self,
+        first: Callable[[int], None] = lambda _: None,
+        later: Callable[[int], None] = lambda _: None,
+    ) -> None:
+        self.received: int = 0
+        self.impatient = False
+        self._first = first
+        self._later = later
+        # No threading.Event: a handler that comes while the main thread holds its lock would wait for ever.
+        self._pipe, self._bell = os.pipe2(os.O_NONBLOCK | os.O_CLOEXEC)
+        for number in ENDING:
+            signal.signal(number, self._handle)
+
+    @property
+    def exit_code(self) -> int:
+        """What a shell expects of a program that a signal ended; 0 for none."""
+        return 128 + self.received if self.received else 0
+
+    def wait(self, seconds: float) -> None:
+        """Wait, for less when a signal comes or one has come since the last wait."""
+        if select.select([self._pipe], [], [], seconds)[0]:
+            os.read(self._pipe, 4096)
+
+    def _handle(self, number: int, _: FrameType | None) -> None:
+        _ring(self._bell)
+        if self.received:
+            self.impatient = True
+            self._later(number)
+        else:
+            self.received = number
+            self._first(number)
+
+
+def insist(_: int) -> None:
+    """Interrupt the main thread because of a second signal, and ignore all further ones.
+
+    Raises:
+        SecondSignal: Always.
+    """
+    ignore_signals()
+    raise SecondSignal
+
+
+def ignore_signals() -> None:
+    """Let no further signal interrupt the little that is left to do."""
+    for number in ENDING:
+        signal.signal(number, signal.SIG_IGN)
+
+
+def _ring(bell: int) -> None:
+    try:
+        os.write(bell, b"\0")
+    except BlockingIOError:  # thousands of signals that nobody waited for
+        return

@@ -1,0 +1,96 @@
+"""A behavior's evaluation, run again and drawn as an animated GIF."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path
+
+from pga_me_ros.core.evaluation import as_evaluated, evaluation_rng
+from pga_me_ros.core.settings import Settings
+from pga_me_ros.errors import PgaError, RequestError
+from pga_me_ros.player.gait import Gait
+from pga_me_ros.player.watched_rollout import Recording, record
+from pga_me_ros.tasks.protocol import Task
+from pga_me_ros.tasks.rollout import Episode
+
+
+@dataclass(frozen=True)
+class GifOptions:
+    """What to show, and how.
+
+    Attributes:
+        start: Seconds of the episode to leave out.
+        seconds: Most seconds of the episode to show.
+        speed: 1 for real time.
+        fps: Pictures per simulated second.
+        size: Width and height, pixels.
+    """
+
+    start: float = 0.0
+    seconds: float = 10.0
+    speed: float = 1.0
+    fps: float = 20.0
+    size: tuple[int, int] = (360, 270)
+
+
+def require_pillow() -> None:
+    """Make sure that pictures can be drawn.
+
+    Raises:
+        PgaError: Pillow is not installed.
+    """
+    if find_spec("PIL") is None:
+        raise PgaError("Pictures need Pillow, which is not installed: pip install pillow.")
+
+
+def evaluated_again(task: Task, settings: Settings, gait: Gait, every: int) -> Recording:
+    """Run a behavior from the very start of its evaluation, and keep the states of the robot.
+
+    Args:
+        task: The task of its run.
+        settings: Settings of its run.
+        gait: The behavior.
+        every: Steps between two states.
+
+    Raises:
+        TaskError: The task has no `body`, or its robot cannot be shown.
+    """
+    act = as_evaluated(settings, gait.controller, gait.evaluation)
+    return record(task, act, evaluation_rng(settings.seed, gait.evaluation), every)
+
+
+def draw_gif(task: Task, settings: Settings, gait: Gait, out: Path, options: GifOptions) -> Episode:
+    """Run a behavior's evaluation again and draw it.
+
+    Args:
+        task: The task of its run.
+        settings: Settings of its run.
+        gait: The behavior.
+        out: File to write.
+        options: What to show, and how.
+
+    Returns:
+        The episode.
+
+    Raises:
+        PgaError: Pillow is not installed.
+        RequestError: The episode ends before `options.start`.
+        StorageError: The file cannot be written.
+        TaskError: The task has no `body`, or its robot cannot be shown.
+    """
+    require_pillow()
+    from pga_me_ros.render.animation import animation, save_gif
+
+    period = task.spec.control_period
+    whole = evaluated_again(task, settings, gait, max(1, round(1.0 / (options.fps * period))))
+    times = [step * period for step in whole.steps]
+    end = options.start + options.seconds
+    shown = [k for k, time in enumerate(times) if options.start <= time < end]
+    if not shown:
+        raise RequestError(f"The episode ends after {times[-1]:.2f} s; give a smaller start.")
+    part = slice(shown[0], shown[-1] + 1)
+    recording = Recording(whole.model, whole.states[part], whole.steps[part], whole.episode)
+    frames = animation(recording, gait, period, options.size)
+    save_gif(out, frames, [time / options.speed for time in times[part]])
+    return whole.episode

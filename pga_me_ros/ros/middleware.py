@@ -1,0 +1,43 @@
+"""Which ROS middleware is asked for: one that is missing ends a process before it can say so in words."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+
+ASKED_BY = ("RMW_IMPLEMENTATION", "RCL_ASSERT_RMW_ID_MATCHES")
+INDEX = Path("share", "ament_index", "resource_index", "rmw_typesupport")
+"""Folder of a prefix with one file per installed middleware."""
+
+CHOOSER = "rmw_implementation"
+"""Package in the index that is no middleware: it loads the one that is asked for."""
+
+EXIT_BAD_INPUT = 2
+
+
+def require_middleware() -> None:
+    """End this process with one line if its environment asks for a middleware that is not installed.
+
+    To be called before rclpy is imported: its library ends the process, with status 102 and a line from its sources.
+    """
+    if "rclpy" in sys.modules:
+        return
+    installed = _installed()
+    for variable in ASKED_BY:
+        asked = os.environ.get(variable)
+        if asked and installed and asked not in installed:
+            print(
+                f"error: {variable} is '{asked}', but the ROS 2 middleware installed here is "
+                f"{', '.join(sorted(installed))}; unset the variable, or install that one.",
+                file=sys.stderr,
+                flush=True,
+            )
+            sys.exit(EXIT_BAD_INPUT)
+
+
+def _installed() -> set[str]:
+    """Return the names of the middlewares in the ament index; empty where there is no index."""
+    prefixes = [*os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep), sys.prefix]
+    folders = [Path(prefix) / INDEX for prefix in prefixes if prefix]
+    return {f.name for folder in folders if folder.is_dir() for f in folder.iterdir()} - {CHOOSER}

@@ -1,0 +1,60 @@
+"""Parameters that say how a run is carried out, not what it finds: they are no part of its identity."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from pga_me_ros.core.settings.field import setting
+from pga_me_ros.errors import SettingsError
+
+
+@dataclass(frozen=True)
+class ChildOptions:
+    """What the orchestrator tells each node that it starts for a run."""
+
+    run_id: str = setting("", "Run that the node works for.")
+    run_dir: str = setting("", "Folder of the run.", path=True)
+
+
+def require_run(options: Mapping[str, Any], node: str) -> str:
+    """Return the id of the run that a node was started for.
+
+    Args:
+        options: Values of `ChildOptions`.
+        node: Executable.
+
+    Raises:
+        SettingsError: There is none: a node without a run would answer the requests of any, by refusing them.
+    """
+    if not options["run_id"]:
+        raise SettingsError(
+            f"No run_id is given: {node} works for one run, and its orchestrator starts it with all that it needs. "
+            "Start an orchestrator instead."
+        )
+    return str(options["run_id"])
+
+
+@dataclass(frozen=True)
+class RunOptions:
+    """Parameters of the orchestrator besides the settings of the run."""
+
+    run_dir: str = setting(
+        "",
+        "Folder of the run, resumed when it holds one; empty takes runs/TASK-seedSEED.",
+        path=True,
+    )
+    evaluators: int = setting(
+        0,
+        "Evaluators to start on this machine; 0 starts one per core. Others may join from anywhere.",
+        low=0,
+        high=1024,
+        unit="processes",
+    )
+    min_evaluators: int = setting(
+        1, "Evaluators that must be there before work starts.", low=1, high=1024, unit="processes"
+    )
+    serve: bool = setting(
+        True, "Whether to go on serving the finished repertoire until stopped, or to exit."
+    )

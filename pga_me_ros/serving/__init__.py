@@ -1,0 +1,1 @@
+"""What the archive manager serves: repertoire services and pictures of the archive."""

@@ -1,0 +1,1 @@
+"""The built-in walking robots, simulated by PyBullet."""

@@ -1,0 +1,306 @@
+"""The QD locomotion tasks of §4.1 (Nilsson & Cully 2021): run far and frugally, whichever way.
+
+Observation, reward and termination are those of PyBullet's own locomotion environments, bit for
+bit. PyBullet is asked once per step for each thing that is needed; the rest is arithmetic on plain
+floats, which on this few numbers is several times faster than arrays.
+"""
+
+from __future__ import annotations
+
+import math
+from operator import itemgetter
+from typing import ClassVar
+
+import numpy as np
+
+from pga_me_ros.arrays import Float32Array, Float64Array
+from pga_me_ros.errors import TaskError
+from pga_me_ros.tasks.body import Body
+from pga_me_ros.tasks.bullet.coincidence import places_of
+from pga_me_ros.tasks.bullet.heading import Heading, Vector
+from pga_me_ros.tasks.bullet.robots import ANT, HALF_CHEETAH, HOPPER, WALKER, Robot, build_spec
+from pga_me_ros.tasks.bullet.sums import Float32Means, threshold_after_rounding
+from pga_me_ros.tasks.bullet.world import World
+from pga_me_ros.tasks.protocol import NonFiniteActionError
+from pga_me_ros.tasks.spec import TaskSpec
+
+ELECTRICITY_COST = -2.0
+STALL_TORQUE_COST = -0.1
+JOINT_AT_LIMIT_COST = -0.1
+
+INITIAL_SPREAD = 0.1
+"""Initial joint positions are uniform within this angle of 0, rad."""
+
+_AT_LIMIT = threshold_after_rounding(0.99)
+_OBSERVATION_LIMIT = 5.0
+_JOINT_OFFSET = 8
+
+Quaternion = tuple[float, float, float, float]
+
+
+class LocomotionTask:
+    """A robot that runs along x; `pga_me_ros.tasks.protocol.Task` has the methods' contract.
+
+    Reward of a step: alive bonus (+1, else -1), plus the speed towards the target in m/s, minus
+    2 mean(abs(0.1 joint speed * action)), minus 0.1 mean(action²), minus 0.1 per joint at a limit.
+    The position that counts is the mean over the parts of the robot and the floor.
+
+    Descriptor: share of the episode's steps after which each foot touched the floor; 0 before the
+    first step.
+
+    Args:
+        render: Whether to open PyBullet's window.
+
+    Raises:
+        TaskError: PyBullet cannot open a world or load the robot.
+    """
+
+    spec: ClassVar[TaskSpec]
+    robot: ClassVar[Robot]
+    _diverged: bool
+    _joints_at_limit: int
+
+    def __init__(self, *, render: bool = False) -> None:
+        """Open a world and begin an episode, so that every method may be called at once."""
+        import pybullet
+
+        self._pybullet = pybullet
+        self._render = render
+        self._torque_scales = tuple(self.robot.torques.values())
+        contacts = self.robot.contact_links
+        self._feet = tuple(contacts.index(foot) for foot in self.robot.feet)
+        self._bruising = tuple(contacts.index(link) for link in self.robot.bruising_links)
+        self._joint_end = _JOINT_OFFSET + 2 * len(self._torque_scales)
+        self._heading = Heading()
+        self._float32_means = Float32Means(len(self._torque_scales))
+        self._open_world()
+        self.reset(np.random.Generator(np.random.PCG64(0)))
+
+    def reset(self, rng: np.random.Generator) -> Float32Array:
+        """Begin an episode: joints uniform in ±0.1 rad, at rest.
+
+        Args:
+            rng: Source of the joints' initial positions, drawn in joint order.
+
+        Returns:
+            (observation_dim,) float32 array.
+        """
+        if self._diverged:
+            self.close()
+            self._open_world()
+        positions = rng.uniform(-INITIAL_SPREAD, INITIAL_SPREAD, len(self._torque_scales))
+        self._world.begin_episode(positions.tolist())
+        self._touching = [0.0] * len(self.robot.contact_links)
+        self._contact_steps = [0.0] * len(self._feet)
+        self._steps = 0
+        self._initial_height = self._torso()[0][2]
+        return _clip(np.array(self._measure(), np.float32))
+
+    def step(self, action: Float32Array) -> tuple[Float32Array, float, bool]:
+        """Apply torques for one control period of 16.5 ms.
+
+        Args:
+            action: (action_dim,) float32 array; the torques are limited to those of ±1, the cost of
+                electricity is not.
+
+        Returns:
+            Observation, (observation_dim,) float32 within ±5; reward; whether the robot fell.
+
+        Raises:
+            TaskError: The action has the wrong length.
+            NonFiniteActionError: The action holds NaN or infinity; nothing was simulated.
+        """
+        pybullet, world = self._pybullet, self._world
+        commands = np.asarray(action, np.float32).tolist()
+        pybullet.setJointMotorControlArray(
+            world.robot,
+            world.joints,
+            pybullet.TORQUE_CONTROL,
+            forces=self._torques(commands),
+            physicsClientId=world.client,
+        )
+        pybullet.stepSimulation(world.client)
+        old_potential = self._potential
+        observation = np.array(self._measure(), np.float32)
+        rounded = observation.tolist()
+        electricity = self._electricity(commands, rounded[_JOINT_OFFSET + 1 : self._joint_end : 2])
+        if max(rounded) > _OBSERVATION_LIMIT or min(rounded) < -_OBSERVATION_LIMIT:
+            rounded = _clip(observation).tolist()
+        alive = self._is_alive(rounded[0])
+        self._read_contacts()
+        self._steps += 1
+        reward = (1.0 if alive else -1.0) + (self._potential - old_potential)
+        reward = reward + electricity + JOINT_AT_LIMIT_COST * self._joints_at_limit
+        self._diverged = not math.isfinite(reward)
+        return observation, reward, self._diverged or (self.robot.can_fall and not alive)
+
+    def descriptor(self) -> Float64Array:
+        """Return each foot's share of the steps so far that ended with it on the floor.
+
+        Returns:
+            (descriptor_dim,) float64 array within [0, 1].
+        """
+        return np.array(self._contact_steps) / max(self._steps, 1)
+
+    def contacts(self) -> tuple[bool, ...]:
+        """Return whether each of ``robot.contact_links`` touches the floor after the last step."""
+        return tuple(flag > 0.0 for flag in self._touching)
+
+    def joint_states(self) -> tuple[list[float], list[float]]:
+        """Return positions, rad, and velocities, rad/s, of the actuated joints in action order."""
+        world = self._world
+        states = self._pybullet.getJointStates(world.robot, world.joints, world.client)
+        return [state[0] for state in states], [state[1] for state in states]
+
+    @property
+    def body(self) -> Body:
+        """The robot in its world, for whoever shows it; another one after a simulation that diverged."""
+        world = self._world
+        return Body(world.client, world.robot, world.torso, world.model_path, self.robot.torques)
+
+    def close(self) -> None:
+        """Close the world; a second call does nothing."""
+        self._world.close()
+
+    def _open_world(self) -> None:
+        world = self._world = World(self.robot, render=self._render)
+        self._joint_scales = [(lower, upper - lower) for lower, upper in world.joint_limits]
+        self._contact_indices = [world.links[name] for name in self.robot.contact_links]
+        # The mean position adds the torso second: that is where the engine's list of parts has it.
+        first, *others = (index for index in world.links.values() if index != world.torso)
+        parts = [first, world.torso, *others]
+        places = places_of(world, parts)
+        # The torso's place is read anyway, with its velocity.
+        self._read_links = sorted(set(places) - {world.torso})
+        order = [world.torso, *self._read_links]
+        self._pick_parts = itemgetter(*(order.index(place) for place in places))
+        self._diverged = False
+
+    def _torques(self, commands: list[float]) -> list[float]:
+        if len(commands) != len(self._torque_scales):
+            raise TaskError(
+                f"{self.spec.name} got an action of {len(commands)} entries; "
+                f"expected {len(self._torque_scales)}"
+            )
+        return [
+            scale * (value if -1.0 <= value <= 1.0 else self._limit(value))
+            for scale, value in zip(self._torque_scales, commands, strict=True)
+        ]
+
+    def _limit(self, value: float) -> float:
+        if not math.isfinite(value):
+            raise NonFiniteActionError(
+                f"{self.spec.name} got an action with {value}; expected finite numbers: check the "
+                "controller's parameters for NaN and infinity"
+            )
+        return math.copysign(1.0, value)
+
+    def _measure(self) -> list[float]:
+        """Read the world after a step.
+
+        Also sets the potential, the pitch and the number of joints at a limit.
+        """
+        world, pybullet = self._world, self._pybullet
+        joint_states = pybullet.getJointStates(world.robot, world.joints, world.client)
+        position, orientation, velocity = self._torso()
+        roll, pitch, yaw = pybullet.getEulerFromQuaternion(orientation)
+        self._pitch = pitch
+        xs, ys = self._part_positions(position)
+        self._potential, (sine, cosine, forward, left, up) = self._heading(xs, ys, yaw, velocity)
+        values = [position[2] - self._initial_height, sine, cosine]
+        values += (0.3 * forward, 0.3 * left, 0.3 * up, roll, pitch)
+        at_limit = 0
+        for (lower, span), state in zip(self._joint_scales, joint_states, strict=True):
+            scaled = 2 * (state[0] - lower) / span - 1.0
+            if abs(scaled) > _AT_LIMIT:
+                at_limit += 1
+            values += (scaled, 0.1 * state[1])
+        self._joints_at_limit = at_limit
+        values += self._touching
+        return values
+
+    def _torso(self) -> tuple[Vector, Quaternion, Vector]:
+        """Return the torso's position (m), orientation (x, y, z, w) and velocity (m/s)."""
+        world, pybullet = self._world, self._pybullet
+        if world.torso >= 0:
+            state = pybullet.getLinkState(world.robot, world.torso, 1, 0, world.client)
+            return state[0], state[1], state[6]
+        position, orientation = pybullet.getBasePositionAndOrientation(world.robot, world.client)
+        return position, orientation, pybullet.getBaseVelocity(world.robot, world.client)[0]
+
+    def _part_positions(self, torso: Vector) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """Return x and y of the robot's parts, m, in the engine's order."""
+        world = self._world
+        links = self._pybullet.getLinkStates(world.robot, self._read_links, 0, 0, world.client)
+        xs = [torso[0], *[link[0][0] for link in links]]
+        ys = [torso[1], *[link[0][1] for link in links]]
+        return self._pick_parts(xs), self._pick_parts(ys)
+
+    def _electricity(self, commands: list[float], speeds: list[float]) -> float:
+        """Return the cost of driving the motors, both means in float32 as the engine takes them.
+
+        Args:
+            commands: The action; float32 values, so that products in float64 are exact.
+            speeds: 0.1 joint velocity, rad/s; float32 values.
+        """
+        power = [abs(command * speed) for command, speed in zip(commands, speeds, strict=True)]
+        stall = [command * command for command in commands]
+        try:
+            power_mean, stall_mean = self._float32_means(power, stall)
+        except OverflowError:  # beyond float32, where the engine's means are infinite
+            return -math.inf
+        return ELECTRICITY_COST * power_mean + STALL_TORQUE_COST * stall_mean
+
+    def _is_alive(self, rise: float) -> bool:
+        """Whether the robot stands upright; contacts are those before this step.
+
+        Args:
+            rise: Observed height above the start, m.
+        """
+        robot = self.robot
+        if robot.max_pitch is not None and not abs(self._pitch) < robot.max_pitch:
+            return False
+        if robot.min_height is not None:
+            return rise + self._initial_height > robot.min_height
+        return not any(self._touching[index] for index in self._bruising)
+
+    def _read_contacts(self) -> None:
+        world = self._world
+        points = self._pybullet.getContactPoints(world.robot, world.floor, -2, -2, world.client)
+        touching = {point[3] for point in points}
+        flags = self._touching = [1.0 if i in touching else 0.0 for i in self._contact_indices]
+        for foot, index in enumerate(self._feet):
+            self._contact_steps[foot] += flags[index]
+
+
+def _clip(observation: Float32Array) -> Float32Array:
+    """Limit an observation to ±5 in place and return it."""
+    return np.clip(observation, -_OBSERVATION_LIMIT, _OBSERVATION_LIMIT, out=observation)
+
+
+class QDWalker(LocomotionTask):
+    """A planar biped; the descriptor is (right foot, left foot)."""
+
+    robot = WALKER
+    spec = build_spec("qd_walker", WALKER, 1024, (32, 32))
+
+
+class QDHalfCheetah(LocomotionTask):
+    """A planar two-legged runner that cannot fall; the descriptor is (front foot, back foot)."""
+
+    robot = HALF_CHEETAH
+    spec = build_spec("qd_half_cheetah", HALF_CHEETAH, 1024, (32, 32))
+
+
+class QDAnt(LocomotionTask):
+    """A quadruped; the descriptor is (front left, front right, back left, back right foot)."""
+
+    robot = ANT
+    spec = build_spec("qd_ant", ANT, 1296, (6, 6, 6, 6))
+
+
+class QDHopper(LocomotionTask):
+    """A planar one-legged hopper; the descriptor is its foot."""
+
+    robot = HOPPER
+    spec = build_spec("qd_hopper", HOPPER, 1000, (1000,))

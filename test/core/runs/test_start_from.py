@@ -1,0 +1,228 @@
+"""Runs that start from the controllers of another: what they take, what they refuse, how they resume."""
+
+from __future__ import annotations
+
+import dataclasses
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from operator_counts import per_operator
+
+from pga_me_ros.core.archive.elites import NO_PARENT
+from pga_me_ros.core.networks.shapes import controller_shape
+from pga_me_ros.core.operators import Operator
+from pga_me_ros.core.runs.run_directory import RunDirectory, open_run
+from pga_me_ros.core.runs.start_from import COPY, read_controllers
+from pga_me_ros.core.search import Search
+from pga_me_ros.core.settings import Settings
+from pga_me_ros.core.storage.npz import (
+    FORMAT,
+    load_arrays,
+    repertoire_arrays,
+    save_arrays,
+)
+from pga_me_ros.core.storage.repertoire import Repertoire
+from pga_me_ros.core.storage.stored_run import REPERTOIRE
+from pga_me_ros.errors import StorageError
+from pga_me_ros.tasks.registry import make_task, task_spec
+
+SPEC = task_spec("qd_hopper")
+SETTINGS = Settings(
+    task="qd_hopper",
+    random_init=10,
+    batch_size=10,
+    n_evo=10,
+    cells=30,
+    cvt_samples=1000,
+    controller_hidden=(16, 8),
+)
+SHAPE = controller_shape(SPEC, SETTINGS)
+
+
+@pytest.fixture(scope="module")
+def elites(hopper_run: Path) -> np.ndarray:
+    """The (n, P) controllers of the run, in the order of their cells."""
+    with Repertoire.open(hopper_run / REPERTOIRE, read_only=True) as repertoire:
+        archive = repertoire.load_archive()
+    return archive.parameters[archive.filled]
+
+
+@pytest.fixture
+def exported(hopper_run: Path, tmp_path: Path) -> Path:
+    """The run as an exported file."""
+    with Repertoire.open(hopper_run / REPERTOIRE, read_only=True) as repertoire:
+        info, archive = repertoire.info, repertoire.load_archive()
+    path = tmp_path / "elites.npz"
+    save_arrays(path, repertoire_arrays(info, archive, archive.filled_cells().tolist()))
+    return path
+
+
+def start(path: Path, source: object, **changes: object) -> RunDirectory:
+    """Open a run directory and let go of it at once."""
+    settings = SETTINGS.replace(start_from=str(source), **changes)
+    directory = open_run(path, SPEC, settings)
+    directory.lock.release()
+    return directory
+
+
+def test_folder_repertoire_and_export_give_the_same_controllers(
+    hopper_run: Path, exported: Path, elites: np.ndarray
+) -> None:
+    for source in (hopper_run, hopper_run / REPERTOIRE, exported):
+        assert np.array_equal(read_controllers(source, SPEC, SHAPE), elites)
+
+
+def test_imported_controllers_come_first_and_random_ones_fill_the_batch(elites: np.ndarray) -> None:
+    some = elites[:7]
+    search = Search(SPEC, SETTINGS, some)
+    batch = search.ask()
+    assert np.array_equal(batch.parameters[:7], some)
+    assert batch.operators.tolist() == [Operator.IMPORTED] * 7 + [Operator.RANDOM] * 3
+    assert (batch.parents == NO_PARENT).all()
+    # A random controller depends on its place alone.
+    assert np.array_equal(batch.parameters[7:], Search(SPEC, SETTINGS).ask().parameters[7:])
+
+
+def test_more_controllers_than_random_init_are_all_evaluated(elites: np.ndarray) -> None:
+    many = np.concatenate([elites, elites])[:23]
+    search = Search(SPEC, SETTINGS, many)
+    assert search.settings.init_generations == 3
+    task = make_task("qd_hopper")
+    got = []
+    for _ in range(3):
+        got.append(search.ask().parameters)
+        search.run_generation(task)
+    task.close()
+    assert np.array_equal(np.concatenate(got)[:23], many)
+    assert [m.offspring for m in search.metrics] == [
+        per_operator(imported=10),
+        per_operator(imported=10),
+        per_operator(random=7, imported=3),
+    ]
+    assert set(search.ask().operators.tolist()) == {Operator.GA}
+
+
+def test_an_imported_elite_is_worth_what_it_does_here(elites: np.ndarray) -> None:
+    search = Search(SPEC, SETTINGS, elites[:10])
+    task = make_task("qd_hopper")
+    search.run_generation(task)
+    task.close()
+    assert {elite.operator for elite in search.archive.elites()} == {Operator.IMPORTED}
+    plain = [elite.fitness for elite in search.archive.elites()]
+    again = Search(SPEC, SETTINGS.replace(seed=1), elites[:10])
+    task = make_task("qd_hopper")
+    again.run_generation(task)
+    task.close()
+    assert plain != [elite.fitness for elite in again.archive.elites()]
+
+
+def test_a_run_goes_on_without_its_source(
+    hopper_run: Path, tmp_path: Path, elites: np.ndarray
+) -> None:
+    source = tmp_path / "source"
+    shutil.copytree(hopper_run, source)
+    first = start(tmp_path / "run", source)
+    assert np.array_equal(first.imported, elites)
+    assert first.settings.random_init == max(10, len(elites))
+    shutil.rmtree(source)
+    resumed = start(tmp_path / "run", source)
+    assert (resumed.run_id, resumed.settings) == (first.run_id, first.settings)
+    assert np.array_equal(resumed.imported, elites)
+    # What get_info tells of the run's settings names it as well.
+    assert start(tmp_path / "run", first.settings.start_from).run_id == first.run_id
+
+
+def test_a_run_goes_on_from_a_moved_source_with_the_same_controllers(
+    hopper_run: Path, exported: Path, tmp_path: Path
+) -> None:
+    first = start(tmp_path / "run", hopper_run)
+    assert start(tmp_path / "run", exported).run_id == first.run_id
+
+
+def test_other_controllers_are_another_run(
+    hopper_run: Path, new_run: Callable[..., Path], tmp_path: Path
+) -> None:
+    start(tmp_path / "run", hopper_run)
+    other = new_run(seed=6)
+    with pytest.raises(StorageError, match=r"start_from: sha256:\w+ != sha256:"):
+        start(tmp_path / "run", other)
+    with pytest.raises(StorageError, match="start_from: sha256:"):
+        start(tmp_path / "run", "")
+
+
+def test_a_damaged_copy_is_refused(hopper_run: Path, tmp_path: Path) -> None:
+    start(tmp_path / "run", hopper_run)
+    copy = tmp_path / "run" / COPY
+    content = bytearray(copy.read_bytes())
+    content[len(content) // 2] ^= 1
+    copy.write_bytes(bytes(content))
+    with pytest.raises(StorageError, match=r"start_from\.npz' is damaged"):
+        start(tmp_path / "run", hopper_run)
+
+
+def test_what_was_left_of_a_start_that_was_cut_off_does_no_harm(
+    hopper_run: Path, tmp_path: Path, elites: np.ndarray
+) -> None:
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run" / COPY).write_bytes(b"half a fi")
+    assert np.array_equal(start(tmp_path / "run", hopper_run).imported, elites)
+
+
+def harm(name: str, value: object) -> Callable[[Path], None]:
+    def change(file: Path) -> None:
+        arrays = load_arrays(file, FORMAT, "export")
+        if value is None:
+            del arrays[name]
+        else:
+            arrays[name] = np.asarray(value(arrays[name]) if callable(value) else value)
+        save_arrays(file, arrays)
+
+    return change
+
+
+def truncate(file: Path) -> None:
+    file.write_bytes(file.read_bytes()[:-50])
+
+
+def write_text(file: Path) -> None:
+    file.write_text("cell,fitness\n1,2.0\n")
+
+
+def write_object(file: Path) -> None:
+    np.savez(file, format=np.array(FORMAT), parameters=np.array([object()]))
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (Path.unlink, "There is no repertoire"),
+        (truncate, "is damaged or no exported repertoire"),
+        (write_text, "is not a repertoire file"),
+        (write_object, "is damaged or no exported repertoire"),
+        (harm("format", "another"), "its array 'format' is 'another'"),
+        (harm("parameters", None), "lacks the arrays parameters"),
+        (harm("task", "qd_walker"), "are of task 'qd_walker', but this run's task is 'qd_hopper'"),
+        (harm("layer_sizes", [15, 8, 3]), r"have layers \[15, 8, 3\].*controller_hidden:=\[8\]"),
+        (harm("action_names", ["a", "b", "c"]), "other action names"),
+        (harm("parameters", lambda p: p[:, 1:]), r"expected float32 of \(controllers,"),
+        (harm("parameters", lambda p: p.astype(float)), "the parameters are float64"),
+        (harm("parameters", lambda p: p[:0]), "holds no behavior yet"),
+        (harm("parameters", lambda p: p * np.float32(np.nan)), "not finite"),
+    ],
+)
+def test_what_is_no_source_is_refused_in_words(
+    exported: Path, tmp_path: Path, change: Callable[[Path], None], words: str
+) -> None:
+    change(exported)
+    with pytest.raises(StorageError, match=words):
+        start(tmp_path / "run", exported)
+    assert not (tmp_path / "run" / REPERTOIRE).exists()
+
+
+def test_an_older_version_of_the_task_is_no_source(hopper_run: Path) -> None:
+    renamed = dataclasses.replace(SPEC, observation_units=("m",) * SPEC.observation_dim)
+    with pytest.raises(StorageError, match="other observation units"):
+        read_controllers(hopper_run, renamed, SHAPE)

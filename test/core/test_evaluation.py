@@ -1,0 +1,67 @@
+"""Exploration noise: what it is, and that it belongs to the evaluation."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from lane_task import SETTINGS, Lane, settings_of
+
+from pga_me_ros.core.evaluation import as_evaluated, evaluation_rng, exploring
+from pga_me_ros.core.networks.controller import MlpController
+from pga_me_ros.core.networks.mlp import random_parameters
+from pga_me_ros.core.networks.shapes import controller_shape
+from pga_me_ros.core.rng import Purpose, generator
+from pga_me_ros.tasks.rollout import rollout
+
+TD3 = settings_of("td3", exploration_sigma=0.3)
+SHAPE = controller_shape(Lane.spec, TD3)
+CONTROLLER = MlpController(SHAPE, random_parameters(SHAPE, np.random.default_rng(0)))
+FIRST = TD3.init_generations * TD3.batch_size
+"""First evaluation that explores."""
+
+
+def episode(evaluation: int, settings=TD3):
+    act = as_evaluated(settings, CONTROLLER, evaluation)
+    return rollout(Lane(), act, evaluation_rng(settings.seed, evaluation))
+
+
+def test_recorded_actions_are_the_controllers_plus_noise_clipped():
+    found = episode(FIRST)
+    rng = generator(TD3.seed, Purpose.EXPLORATION, 0, FIRST)
+    plain = np.stack([CONTROLLER(s) for s in found.states[:-1]])
+    noise = np.stack([rng.standard_normal(2, np.float32) for _ in plain])
+    np.testing.assert_array_equal(found.actions, np.clip(plain + np.float32(0.3) * noise, -1, 1))
+    assert found.actions.dtype == np.float32
+
+
+def test_actions_stay_within_their_limits():
+    act = exploring(lambda _: np.float32([1.0, -1.0]), 5.0, 0, 0)
+    actions = np.stack([act(np.zeros(2, np.float32)) for _ in range(200)])
+    assert (actions.min(), actions.max()) == (-1.0, 1.0)
+
+
+def test_noise_has_the_standard_deviation_asked_for():
+    act = exploring(lambda _: np.zeros(2, np.float32), 0.1, 0, 0)
+    actions = np.stack([act(np.zeros(2, np.float32)) for _ in range(4000)])
+    assert actions.std() == pytest.approx(0.1, rel=0.03)
+    assert abs(actions.mean()) < 0.005
+
+
+def test_an_evaluation_repeated_has_the_same_bits():
+    one, again = episode(FIRST + 3), episode(FIRST + 3)
+    assert one.states.tobytes() == again.states.tobytes()
+    assert one.actions.tobytes() == again.actions.tobytes()
+
+
+def test_no_two_evaluations_share_their_noise():
+    rngs = [exploring(lambda _: np.zeros(2, np.float32), 0.1, 0, k) for k in range(2)]
+    assert not np.array_equal(*(act(np.zeros(2, np.float32)) for act in rngs))
+
+
+@pytest.mark.parametrize(
+    ("settings", "evaluation"),
+    [(TD3, FIRST - 1), (TD3.replace(exploration_sigma=0.0), FIRST), (SETTINGS, FIRST)],
+    ids=["start-up", "no-noise", "another-system"],
+)
+def test_without_exploration_the_controller_acts_as_it_is(settings, evaluation):
+    assert as_evaluated(settings, CONTROLLER, evaluation) is CONTROLLER
