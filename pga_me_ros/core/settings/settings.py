@@ -106,8 +106,18 @@ class Settings(AlgorithmSettings):
         return Settings.from_mapping({**self.given, **changes})
 
     def with_rates(self, rates: Mapping[str, Any]) -> Settings:
-        """Return a copy with the rates of a generation, as they are stored or travel: all of them, used or not."""
+        """Return a copy with the rates of a generation, as they are stored or travel: all of them, used or not.
+
+        Raises:
+            SettingsError: A rate is out of its range, or stands for the algorithm's own value.
+        """
         rules = RULES[self.algorithm]
+        for f in fields(self):
+            if f.metadata["own"] and f.name in rates and rates[f.name] == f.default:
+                raise SettingsError(
+                    f"{f.name} is {f.default}, which stands for the algorithm's own value; the rates of a generation "
+                    "name the value itself."
+                )
         return self.replace(**{name: value for name, value in rates.items() if rules.uses(name)})
 
     @property

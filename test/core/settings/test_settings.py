@@ -203,3 +203,8 @@ def test_every_part_of_a_setting_is_one_of_an_algorithm() -> None:
 
 def test_every_kind_of_archive_has_its_name() -> None:
     assert list(ARCHIVE_KINDS) == list(ARCHIVES)
+
+
+def test_the_rates_of_a_generation_name_the_value_itself() -> None:
+    with pytest.raises(SettingsError, match="n_evo is -1, which stands for"):
+        Settings().with_rates({**Settings().rates, "n_evo": -1})
