@@ -36,7 +36,7 @@ def write_csv(source: Source, path: Path) -> None:
 
 
 def _row(elite: Elite) -> Iterator[object]:
-    yield from (elite.cell, elite.evaluation, elite.generation, elite.operator.name.lower())
+    yield from (elite.cell, elite.evaluation, elite.generation, elite.operator.label)
     yield from ("" if parent < 0 else parent for parent in (elite.parent1, elite.parent2))
     yield from (elite.steps, int(elite.terminated), elite.fitness, *elite.descriptor.tolist())
 

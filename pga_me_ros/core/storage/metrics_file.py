@@ -35,7 +35,7 @@ TIME_COLUMNS = ("committed",)
 
 COLUMNS = (
     *_NUMBERS,
-    *(f"{name}_{operator.name.lower()}" for name in _PER_OPERATOR for operator in Operator),
+    *(f"{name}_{operator.label}" for name in _PER_OPERATOR for operator in Operator),
     *TIME_COLUMNS,
 )
 
