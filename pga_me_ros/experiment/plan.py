@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from pga_me_ros.core.settings import Settings
-from pga_me_ros.core.settings.rules import RULES, of_other_archives
+from pga_me_ros.core.settings.rules import useless
 from pga_me_ros.errors import RequestError, SettingsError, nearest_name
 from pga_me_ros.tasks.registry import task_spec
 
@@ -123,13 +123,9 @@ class Experiment:
     def _shared(self, system: System) -> dict[str, Any]:
         """Return the shared settings that a system uses: networks of critics, say, mean nothing to MAP-Elites."""
         both = {**self.settings, **system.settings}
-        rules = RULES.get(both.get("algorithm", Settings.algorithm))
-        unused = of_other_archives(both.get("archive", Settings.archive))
-        return {
-            name: value
-            for name, value in self.settings.items()
-            if (rules is None or rules.uses(name)) and name not in unused
-        }
+        algorithm = both.get("algorithm", Settings.algorithm)
+        unused = useless(self.settings, algorithm, both.get("archive", Settings.archive))
+        return {name: value for name, value in self.settings.items() if name not in unused}
 
     def chosen(self, words: list[str]) -> list[Cell]:
         """Return the cells that words name, in the order of the matrix.

@@ -5,7 +5,7 @@ Light, and typed by the settings themselves, so that they need nothing of the al
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import fields
 from typing import Any, ClassVar
 
@@ -174,6 +174,18 @@ RULES: Mapping[str, Rules] = {
 def of_other_archives(archive: str) -> set[str]:
     """Return the names of the settings that an archive of this kind has no use for."""
     return {name for name, part in _PARTS.items() if part in ARCHIVE_KINDS and part != archive}
+
+
+def useless(names: Iterable[str], algorithm: str, archive: str) -> set[str]:
+    """Return those settings, of some names, that a run has no use for.
+
+    Args:
+        names: Names of settings.
+        algorithm: Value of the setting `algorithm`; one that is unknown uses all.
+        archive: Value of the setting `archive`.
+    """
+    rules, others = RULES.get(algorithm), of_other_archives(archive)
+    return {n for n in names if n in others or (rules is not None and not rules.uses(n))}
 
 
 _PARTS = {f.name: f.metadata["part"] for f in fields(AlgorithmSettings) if f.metadata["part"]}

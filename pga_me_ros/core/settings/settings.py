@@ -15,7 +15,7 @@ from typing import Any
 
 from pga_me_ros.core.settings.algorithms import AlgorithmSettings
 from pga_me_ros.core.settings.field import checked_value
-from pga_me_ros.core.settings.rules import RULES, of_other_archives
+from pga_me_ros.core.settings.rules import RULES, of_other_archives, useless
 from pga_me_ros.errors import SettingsError, nearest_name
 
 
@@ -43,8 +43,9 @@ class Settings(AlgorithmSettings):
                 object.__setattr__(self, name, value)
             elif not rules.uses(name) and given[name] != value:
                 raise self._useless(name)
+        unused = useless(given, self.algorithm, self.archive)
         for name in given:
-            if not _OWN[name] and (not rules.uses(name) or name in of_other_archives(self.archive)):
+            if name in unused and not _OWN[name]:
                 raise self._useless(name)
         rules.check(self)
 
@@ -86,12 +87,12 @@ class Settings(AlgorithmSettings):
         Raises:
             SettingsError: As in `from_mapping`.
         """
-        rules = RULES.get(values.get("algorithm", ""))
-        unused = of_other_archives(values.get("archive", cls.archive))
+        archive = values.get("archive", cls.archive)
+        unused = useless(values, values.get("algorithm", ""), archive)
         used = {
             name: tuple(value) if isinstance(value, list) else value
             for name, value in values.items()
-            if (rules is None or rules.uses(name)) and name not in unused
+            if name not in unused
         }
         return cls.from_mapping(used)
 
