@@ -9,7 +9,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +18,7 @@ from rclpy.context import Context
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 
 from pga_me_ros.core.settings import Settings
-from pga_me_ros.core.settings.rules import RULES, of_other_archives
+from pga_me_ros.core.settings.rules import useless
 from pga_me_ros.ros import qos
 
 DEADLINE = 60.0
@@ -44,12 +44,9 @@ TINY = {
 
 def tiny(**parameters: Any) -> dict[str, Any]:
     """Return `TINY` with parameters added, without those of it that their algorithm or archive has no use for."""
-    rules = RULES[parameters.get("algorithm", "pga_map_elites")]
-    known = {f.name for f in fields(Settings)}
-    useless = {name for name in TINY if name in known and not rules.uses(name)}
-    if parameters.get("archive") == "grid":
-        useless |= of_other_archives("grid")
-    return {**{n: v for n, v in TINY.items() if n not in useless}, **parameters}
+    algorithm = parameters.get("algorithm", Settings.algorithm)
+    unused = useless(TINY, algorithm, parameters.get("archive", Settings.archive))
+    return {**{n: v for n, v in TINY.items() if n not in unused}, **parameters}
 
 
 def ros_arguments(parameters: Mapping[str, Any]) -> list[str]:
