@@ -39,8 +39,9 @@ def wait_until(true: Callable[[], bool], what: str) -> None:
 
 @contextmanager
 def node_of_ours(domain: int, log: Path, **variables: str) -> Iterator[subprocess.Popen[bytes]]:
-    """Start an evaluator in an environment that says nothing of the range but what is given."""
-    env = {k: v for k, v in os.environ.items() if k not in (DISCOVERY_RANGE, LOCALHOST_ONLY)}
+    """Start an evaluator in an environment that says nothing of range and profiles but what is given."""
+    filled_in = (DISCOVERY_RANGE, LOCALHOST_ONLY, *PROFILES, QOS_FROM_PROFILES)
+    env = {k: v for k, v in os.environ.items() if k not in filled_in}
     env |= {"ROS_DOMAIN_ID": str(domain), **variables}
     with log.open("wb") as output:
         process = subprocess.Popen(
