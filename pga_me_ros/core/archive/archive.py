@@ -21,7 +21,7 @@ from pga_me_ros.errors import ArchiveError
 
 @dataclass(frozen=True)
 class AddResult:
-    """What became of each solution of a batch.
+    """The outcome for each solution of a batch.
 
     Attributes:
         status: (n,) int64 values of `Status`, in the order of the batch.
@@ -33,7 +33,7 @@ class AddResult:
 
     @property
     def changed_cells(self) -> Int64Array:
-        """Cells whose elite is another one than before, each once, ascending."""
+        """Cells that got a new elite, without duplicates, ascending."""
         return np.unique(self.cells[self.status != Status.REJECTED])
 
 
@@ -42,8 +42,8 @@ class Archive(EliteTable, ABC):
 
     Args:
         centroids: (cells, d) float64 centers of the cells.
-        low: Least value of each of the d descriptor dimensions.
-        high: Greatest values.
+        low: Lower bound of each of the d descriptor dimensions.
+        high: Upper bounds.
         parameter_count: Number P of parameters of a controller.
 
     Raises:
@@ -80,11 +80,11 @@ class Archive(EliteTable, ABC):
 
     @property
     def note(self) -> str:
-        """What users of a stored archive should know of its cells, empty for nothing."""
+        """What users of a stored archive should know about its cells; empty if there is nothing to say."""
         return ""
 
     def coordinates(self, descriptors: Float64Array) -> Float64Array:
-        """Return (n, d) descriptors in the coordinates in which cells are told apart: shares of the range."""
+        """Return (n, d) descriptors in the coordinates that decide on the cell: shares of the range."""
         return (descriptors - self.low) / self.extent
 
     def cell_of(self, descriptors: ArrayLike) -> Int64Array:
@@ -102,13 +102,13 @@ class Archive(EliteTable, ABC):
         return self._nearest_cells(self.checked_descriptors(descriptors))
 
     def add(self, batch: Solutions, offered: BoolArray | None = None) -> AddResult:
-        """Offer solutions one after the other; strictly fitter ones replace (Alg. 3 lines 17-23).
+        """Add solutions one after the other; a strictly fitter one replaces an elite (Alg. 3 lines 17-23).
 
-        Either the whole batch is taken or, when anything about it is wrong, nothing.
+        If anything about the batch is wrong, none of it is added.
 
         Args:
             batch: The solutions.
-            offered: (n,) which of them are offered, all by default; the others are rejected whatever their fitness.
+            offered: (n,) which of them may enter, all by default; the others are rejected whatever their fitness.
 
         Raises:
             ArchiveError: Fitness, descriptors or parameters are not finite or of the wrong shape.
@@ -131,7 +131,7 @@ class Archive(EliteTable, ABC):
     def digest(self) -> str:
         """Return the SHA-256 of cells and elites as hexadecimal digits.
 
-        Equal digests mean bit for bit equal repertoires. Times, names and paths are no part of it.
+        Equal digests mean equal repertoires, bit for bit. Times, names and paths do not enter it.
         """
         out = hashlib.sha256(f"{self.kind} {self.bins} {self.parameters.shape}".encode())
         for array in (self.low, self.high, self.centroids):
@@ -141,7 +141,7 @@ class Archive(EliteTable, ABC):
         return out.hexdigest()
 
     def _check(self, batch: Solutions) -> None:
-        """Raise if any part of a batch but its descriptors does not fit."""
+        """Raise if any part of a batch other than its descriptors does not fit."""
         batch.check_shapes()
         if batch.parameters.shape[1] != self.parameter_count:
             raise ArchiveError(

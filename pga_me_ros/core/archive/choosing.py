@@ -1,4 +1,4 @@
-"""Choosing elites for a user: which one a request means, and what to say when there is none."""
+"""Choosing elites for a user: which one a request means, and what to say if there is none."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from pga_me_ros.errors import RequestError
 
 
 class NotFoundError(RequestError):
-    """No elite fits a request, though the request makes sense."""
+    """The request is valid, but no elite meets it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,7 +26,7 @@ class Choices:
         elites: What they are judged by: the archive itself, or their means over re-evaluations
             (`Statistics.as_elites`).
         descriptor_names: What each descriptor entry is, for messages.
-        min_fitness: Least fitness, inclusive.
+        min_fitness: Minimum fitness, inclusive.
     """
 
     archive: EliteTable
@@ -66,7 +66,7 @@ class Choices:
         return cells
 
     def of_cell(self, cell: int) -> int:
-        """Return a cell if its elite may be chosen.
+        """Return the cell if its elite may be chosen.
 
         Raises:
             ArchiveError: There is no such cell.
@@ -90,7 +90,7 @@ class Choices:
         """Return the cell whose elite was found in an evaluation.
 
         Raises:
-            NotFoundError: No elite was, or it is not fit enough.
+            NotFoundError: No elite was found in it, or it is not fit enough.
         """
         found = np.flatnonzero(self.archive.filled & (self.archive.evaluations == evaluation))
         if not len(found):
@@ -101,19 +101,19 @@ class Choices:
         return self.of_cell(int(found[0]))
 
     def fittest(self) -> int:
-        """Return the cell of the fittest elite, of equals the lowest cell.
+        """Return the cell of the fittest elite; ties go to the lowest cell.
 
         Raises:
-            NotFoundError: There is none that is fit enough.
+            NotFoundError: No elite is fit enough.
         """
         cells = self.cells()
         return int(cells[self.elites.fitness[cells].argmax()])
 
     def any(self, rng: np.random.Generator) -> int:
-        """Return the cell of any elite that is fit enough.
+        """Return the cell of a random elite that is fit enough.
 
         Raises:
-            NotFoundError: There is none.
+            NotFoundError: No elite is fit enough.
         """
         return int(rng.choice(self.cells()))
 
@@ -124,8 +124,8 @@ class Choices:
 
         Args:
             descriptor: d numbers.
-            count: Greatest number of elites.
-            max_distance: Greatest Euclidean distance, inclusive.
+            count: Maximum number of elites.
+            max_distance: Maximum Euclidean distance, inclusive.
 
         Returns:
             Cells, (m,) int64 with 1 <= m <= count, and distances, (m,) float64; nearest first.
@@ -133,7 +133,7 @@ class Choices:
         Raises:
             RequestError: The descriptor has the wrong length.
             ArchiveError: The descriptor is not finite, or a limit is NaN.
-            NotFoundError: There is none that is near and fit enough.
+            NotFoundError: No elite is near and fit enough.
         """
         wanted = np.asarray(descriptor, np.float64)
         if wanted.shape != (self.archive.dimensions,):

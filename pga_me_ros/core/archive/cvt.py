@@ -1,9 +1,9 @@
-"""Where the cells of an archive lie: centroidal Voronoi tessellations and regular grids.
+"""Archives whose cells are a centroidal Voronoi tessellation (CVT).
 
 A CVT archive spreads its cells evenly over the behavior space by clustering uniform samples
 (section 2.2 of Nilsson & Cully 2021, after Vassiliades et al. 2018): k-means++ seeding, Lloyd's
 iterations until hardly any sample changes its cell. The latter skip each sample whose nearest
-centroid provably stays the nearest (triangle inequality), which changes nothing but the time.
+centroid provably stays the nearest (triangle inequality), which saves time and changes no result.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ MAX_ITERATIONS = 300
 SETTLED = 1e-3
 """Share of samples that may still change their cell at the end: 0.2 % above the converged error."""
 _BLOCK_PRODUCTS = 1 << 18
-"""Multiplications per matrix product: so few that BLAS starts no threads, which under load wait for
-each other far longer than they work, and which could change the sums."""
+"""Multiplications per matrix product: few enough that BLAS starts no threads. On a loaded machine they
+would mostly wait for each other, and they could change the sums."""
 _ROUNDING = 1e-7
 """Slack on the unit box: far above the rounding of a distance, far below the size of a cell."""
 
@@ -39,11 +39,11 @@ def cvt_centroids(
 
     Args:
         cells: Number of cells, at most `samples`.
-        low: Least value of each of the d descriptor dimensions.
-        high: Greatest values.
+        low: Lower bound of each of the d descriptor dimensions.
+        high: Upper bounds.
         samples: Number of uniform samples that are clustered.
-        rng: Generator of samples and seeding. Runs share their centroids by using one that does
-            not depend on the run's seed.
+        rng: Generator of samples and seeding. Runs share their centroids if it does not depend on
+            the run's seed.
 
     Returns:
         (cells, d) float64 array, each row within the box.
@@ -63,7 +63,7 @@ def cvt_centroids(
 
 
 def _plus_plus(points: Float64Array, cells: int, rng: np.random.Generator) -> Float64Array:
-    """Draw (cells, d) seeds among (n, d) points, likelier far from the ones before."""
+    """Draw (cells, d) seeds among (n, d) points, preferring those far from earlier seeds."""
     columns = np.ascontiguousarray(points.T)
     seeds = np.empty((cells, points.shape[1]))
     nearest = np.full(len(points), np.inf)
@@ -94,7 +94,7 @@ def _lloyd(points: Float64Array, seeds: Float64Array) -> Float64Array:
             [np.bincount(labels, column, minlength=cells) for column in columns], axis=1
         )
         means = np.where(counts[:, None] > 0, sums / np.maximum(counts, 1)[:, None], centroids)
-        # No other centroid came nearer to a sample than the farthest that any of them moved.
+        # No other centroid came nearer to a sample by more than the longest move among them.
         second -= np.sqrt(((means - centroids) ** 2).sum(axis=1).max())
         centroids = means
         own = np.sqrt(((points - centroids[labels]) ** 2).sum(axis=1))
@@ -110,7 +110,7 @@ def _lloyd(points: Float64Array, seeds: Float64Array) -> Float64Array:
 def _two_nearest(points: Float64Array, centroids: Float64Array) -> tuple[Int64Array, Float64Array]:
     """Return each point's nearest centroid and its distance to the second nearest, (n,) each."""
     homogeneous = np.concatenate([points, np.ones((len(points), 1))], axis=1)
-    # x.c - |c|^2 / 2 is greatest where |x - c| is least, and takes one matrix product per block.
+    # x.c - |c|^2 / 2 is largest where |x - c| is smallest, and takes one matrix product per block.
     weights = np.concatenate([centroids.T, -0.5 * (centroids**2).sum(axis=1)[None]])
     labels = np.empty(len(points), np.int64)
     second = np.empty(len(points))
@@ -129,15 +129,15 @@ def _two_nearest(points: Float64Array, centroids: Float64Array) -> tuple[Int64Ar
 class CvtArchive(Archive):
     """Cells of a centroidal Voronoi tessellation: a descriptor belongs to the nearest centroid.
 
-    Distances are Euclidean, with each dimension in shares of its range, as the tessellation was made. Ties go to the
-    lowest index. The authors' archive, `cvt_centroids` makes the centroids.
+    Distances are Euclidean, with each dimension in shares of its range, as in the tessellation itself. Ties go to the
+    lowest index. The authors use this archive; `cvt_centroids` makes its centroids.
 
     Args:
         centroids: (cells, d) float64 centers of the cells, in the descriptor's units.
         low: Lower bound of each of the d descriptor dimensions.
         high: Upper bounds.
         parameter_count: Number P of parameters of a controller.
-        scaled: False for files of schema version 1: there, distances to centroids are in the descriptor's units.
+        scaled: False for files of schema version 1, which measure distances to centroids in the descriptor's units.
 
     Raises:
         ArchiveError: Centroids, bounds or the parameter count do not fit together.
@@ -156,13 +156,13 @@ class CvtArchive(Archive):
     ) -> None:
         """Make an empty archive."""
         super().__init__(centroids, low, high, parameter_count)
-        # In the unit box, both are the same to the last bit.
+        # In the unit box, both give the same bits.
         self.scaled = scaled or not (self.low.any() or (self.high != 1.0).any())
         self._places = self.coordinates(self.centroids)
 
     @property
     def note(self) -> str:
-        """What users of a stored archive should know of its cells, empty for nothing."""
+        """What users of a stored archive should know about its cells; empty if there is nothing to say."""
         if self.scaled:
             return ""
         return (

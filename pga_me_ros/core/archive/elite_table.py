@@ -15,7 +15,7 @@ from pga_me_ros.errors import ArchiveError
 
 
 class EliteTable:
-    """Elites by cell, how good they are together, and ways to pick some of them.
+    """Elites by cell, summaries of them, and ways to pick some.
 
     `parameters` takes memory only for cells that are filled.
 
@@ -42,7 +42,7 @@ class EliteTable:
         self.descriptors = np.full((cells, dimensions), np.nan)
         try:
             self.parameters = np.zeros((cells, parameter_count), np.float32)
-        except (MemoryError, ValueError):  # ValueError: more than addresses
+        except (MemoryError, ValueError):  # ValueError: larger than the address space
             raise ArchiveError(
                 f"An archive of {cells} cells with {parameter_count} parameters each takes "
                 f"{4e-9 * cells * parameter_count:.0f} GB, which memory cannot hold; give controller_hidden or cells "
@@ -107,10 +107,10 @@ class EliteTable:
         return np.flatnonzero(self.filled)
 
     def put(self, elite: Elite) -> None:
-        """Make a solution the elite of its cell, whatever was there."""
+        """Make a solution the elite of its cell, whatever the cell held."""
         cell = elite.cell
         self.filled[cell] = True
-        # Adding 0.0 turns -0.0, which SQLite does not keep apart, into 0.0.
+        # Adding 0.0 turns -0.0 into 0.0; SQLite does not distinguish the two.
         self.fitness[cell] = elite.fitness + 0.0
         self.descriptors[cell] = elite.descriptor + 0.0
         self.parameters[cell] = elite.parameters
@@ -124,7 +124,7 @@ class EliteTable:
     def sample_parents(self, rng: np.random.Generator, n: int) -> Int64Array:
         """Draw cells uniformly over the filled ones, with replacement.
 
-        The draw depends on which cells are filled, not on the order in which they were.
+        The draw depends on which cells are filled, not on the order in which they were filled.
 
         Args:
             rng: Generator of the draw.
@@ -168,7 +168,7 @@ class EliteTable:
         return (self.elite(cell) for cell in self.filled_cells().tolist())
 
     def best(self) -> Elite:
-        """Return the fittest elite, of equals the one with the lowest cell.
+        """Return the fittest elite; ties go to the lowest cell.
 
         Raises:
             ArchiveError: The archive is empty.
@@ -183,19 +183,19 @@ class EliteTable:
         max_distance: float = math.inf,
         min_fitness: float = -math.inf,
     ) -> tuple[Int64Array, Float64Array]:
-        """Return the elites whose achieved descriptors are nearest to a wanted one.
+        """Return the elites whose descriptors are nearest to a given one.
 
         Distances are Euclidean, with each dimension in shares of its range: they do not depend on the descriptor's
         units, and from one corner of d dimensions to the opposite one it is sqrt(d).
 
         Args:
             descriptor: d numbers.
-            k: Greatest number of elites.
-            max_distance: Greatest distance, in shares of the range, inclusive.
-            min_fitness: Least fitness, inclusive.
+            k: Maximum number of elites.
+            max_distance: Maximum distance, in shares of the range, inclusive.
+            min_fitness: Minimum fitness, inclusive.
 
         Returns:
-            Cells, (m,) int64 with m <= k, and distances, (m,) float64; nearest first, of equals
+            Cells, (m,) int64 with m <= k, and distances, (m,) float64; nearest first; ties go to
             the lower cell.
 
         Raises:
@@ -228,7 +228,7 @@ class EliteTable:
             )
         if not np.isfinite(values).all():
             raise ArchiveError("Descriptors must be finite; NaN or infinity was among them.")
-        # Adding 0.0 turns -0.0 into 0.0: equal descriptors are then equal bits.
+        # Adding 0.0 turns -0.0 into 0.0, so that equal descriptors have equal bits.
         return values + 0.0
 
     def _filled_or_raise(self) -> Int64Array:

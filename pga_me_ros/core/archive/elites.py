@@ -15,11 +15,11 @@ from pga_me_ros.core.operators import Operator
 from pga_me_ros.errors import ArchiveError
 
 NO_PARENT = -1
-"""Evaluation id in place of a parent that a solution does not have."""
+"""Evaluation id that stands for no parent."""
 
 
 class Status(IntEnum):
-    """What became of a solution that was offered to the archive."""
+    """The outcome for a solution that was offered to the archive."""
 
     REJECTED = 0
     NEW = 1
@@ -37,7 +37,7 @@ class Elite:
         parameters: (P,) float32 parameters of its controller.
         evaluation: Id of the evaluation, counted from 0 over the run.
         generation: Generation that evaluated it.
-        operator: What made it.
+        operator: Operator that made it.
         parent1: Evaluation id of the parent, `NO_PARENT` for none.
         parent2: Evaluation id of the second parent, `NO_PARENT` for none.
         steps: Steps of its episode.
@@ -118,7 +118,7 @@ class Solutions:
         steps: ArrayLike | None = None,
         terminated: ArrayLike | None = None,
     ) -> Solutions:
-        """Make a batch from anything array-like; what is left out becomes "random, no parents".
+        """Make a batch from anything array-like; by default, solutions are random ones without parents.
 
         Args:
             fitness: n numbers.
@@ -170,7 +170,7 @@ class Solutions:
         )
 
     def check_shapes(self) -> None:
-        """Check that all arrays speak of the same n solutions.
+        """Check that all arrays describe the same n solutions.
 
         Raises:
             ArchiveError: An array has another shape.

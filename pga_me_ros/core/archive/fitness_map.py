@@ -13,28 +13,28 @@ from pga_me_ros.core.archive.geometry import nearest_centroids_on_raster
 from pga_me_ros.errors import ArchiveError
 
 OUTSIDE = -1
-"""Cell of a square whose center lies outside of the descriptor space."""
+"""Cell of a square whose center lies outside the descriptor space."""
 
 EMPTY = -1
 """Value where there is no elite."""
 
 MOST_BINS = 1000
-"""Bins along a side up to which the map shows each as a square of its own; tools get slow with larger maps."""
+"""Maximum bins along a side for which each is a square of its own; tools get slow with larger maps."""
 
 BEST = 100
 """Value of the best elite; the worst one has 0."""
 
 
 class FitnessMap:
-    """Where the squares of a map lie in descriptor space, and what an archive's fitness looks like on it.
+    """Maps the squares of a picture to descriptor space, and an archive's fitness to the squares.
 
-    The map begins at the least descriptor and covers the whole space. Where the bins of a grid archive are squares,
-    they are the map's, unless there are more than `MOST_BINS` of them along a side. Otherwise, a square shows the
-    archive's cell at its center, as the heatmap does.
+    The map begins at the lower bounds of the descriptor and covers the whole space. If the bins of a grid archive are
+    squares, and no side has more than `MOST_BINS`, the map uses them. Otherwise, a square shows the archive's cell at
+    its center, as the heatmap does.
 
     Args:
-        archive: Archive of the cells that are shown; its elites do not matter.
-        longest: Squares along the longer side where squares are not bins.
+        archive: Archive whose cells are shown; its elites do not matter.
+        longest: Squares along the longer side if squares are not bins.
 
     Attributes:
         resolution: Side of a square, in descriptor units.
@@ -42,7 +42,7 @@ class FitnessMap:
         rows: Squares along the second.
 
     Raises:
-        ArchiveError: The archive has not two dimensions.
+        ArchiveError: The archive does not have two dimensions.
     """
 
     def __init__(self, archive: Archive, longest: int = 240) -> None:
@@ -57,7 +57,7 @@ class FitnessMap:
             self.columns, self.rows = archive.bins
         else:
             self.resolution = float(extent.max()) / longest
-            # A side of so many squares and a rounding error is no square longer.
+            # A rounding error must not add a square to a side.
             squares = np.ceil(extent / self.resolution - 1e-9).astype(int)
             self.columns, self.rows = np.maximum(squares, 1).tolist()
 
@@ -74,14 +74,14 @@ class FitnessMap:
             archive: Archive with the same cells as the first one.
 
         Returns:
-            (rows, columns) int8, the row of the least second descriptor first: 0 for the worst elite to 100 for the
-            best (100 for all if they are equally fit), -1 where there is none.
+            (rows, columns) int8, the row of the lowest second descriptor first: 0 for the worst elite to 100 for the
+            best (100 for all if they are equally fit), -1 for no elite.
         """
         shown = np.full(archive.cells, EMPTY, np.int8)
         fitness = archive.fitness[archive.filled]
         if len(fitness):
             worst, best = fitness.min(), fitness.max()
-            # Halves first: the difference of two finite numbers may not be finite.
+            # Halved first: the difference of two finite numbers may be infinite.
             span = best / 2 - worst / 2
             share = (fitness / 2 - worst / 2) / span if span > 0 else np.ones_like(fitness)
             shown[archive.filled] = np.rint(BEST * share)

@@ -1,4 +1,4 @@
-"""Distances between two sets of points, block by block; none depends on what it is computed together with."""
+"""Distances between two sets of points, block by block; each is the same whatever else is computed with it."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from pga_me_ros.arrays import Float64Array, Int64Array
 from pga_me_ros.errors import ArchiveError
 
 _BLOCK_NUMBERS = 1 << 19
-"""Distances at a time: they stay in the cache."""
+"""Distances computed at a time: few enough to stay in the cache."""
 _TILES = 30
-"""Tiles of a raster along each side: each is compared with all centroids once, its points with the near ones."""
+"""Tiles of a raster along each side: a tile is compared with all centroids, its points only with near ones."""
 _ROUNDING = 1e-9
-"""Slack on distances: far above their rounding errors."""
+"""Slack on distances, far above their rounding errors."""
 
 
 def squared_distances(
@@ -26,7 +26,7 @@ def squared_distances(
     Args:
         points: (n, d) array.
         others: (m, d) array, m at least 1.
-        numbers: Distances at a time, about.
+        numbers: Approximate number of distances at a time.
 
     Yields:
         The rows, and their (rows, m) float64 squared distances.
@@ -47,8 +47,8 @@ def checked_box(low: Sequence[float], high: Sequence[float]) -> tuple[Float64Arr
     """Return the bounds of a box as two (d,) float64 arrays.
 
     Raises:
-        ArchiveError: They differ in length, are not finite, leave no room between them, or are too far apart for
-            their difference to be finite.
+        ArchiveError: The bounds differ in length, are not finite, enclose nothing, or are too far apart for their
+            difference to be finite.
     """
     lower, upper = np.array(low, np.float64), np.array(high, np.float64)
     if lower.ndim != 1 or lower.shape != upper.shape or lower.size == 0:
@@ -74,8 +74,8 @@ def checked_box(low: Sequence[float], high: Sequence[float]) -> tuple[Float64Arr
 def nearest_centroids(points: Float64Array, centroids: Float64Array) -> Int64Array:
     """Return the nearest centroid of each point; exact ties go to the lowest index.
 
-    Distances are sums of squared differences, evaluated alike for every point, so that the answer
-    for a point does not depend on the points it is asked together with.
+    Distances are sums of squared differences, evaluated the same way for every point, so that the answer
+    for a point does not depend on the other points of the call.
 
     Args:
         points: (n, d) array.

@@ -13,7 +13,7 @@ from pga_me_ros.errors import ArchiveError
 
 ON_EDGE = 1e-6
 """Share of a bin below its lower edge that still counts as on the edge: far above rounding errors, far below any
-difference that matters. The same as pyribs' default in a range of 1."""
+difference that matters. It equals pyribs' default in a range of 1."""
 
 
 class GridArchive(Archive):
@@ -25,8 +25,8 @@ class GridArchive(Archive):
 
     Args:
         bins: Bins of each of the d descriptor dimensions.
-        low: Least value of each dimension.
-        high: Greatest values.
+        low: Lower bound of each dimension.
+        high: Upper bounds.
         parameter_count: Number P of parameters of a controller.
 
     Raises:
@@ -62,8 +62,8 @@ def grid_centroids(
 
     Args:
         bins: Number of bins of each of the d descriptor dimensions.
-        low: Least value of each dimension.
-        high: Greatest values.
+        low: Lower bound of each dimension.
+        high: Upper bounds.
 
     Returns:
         (prod(bins), d) float64 array.

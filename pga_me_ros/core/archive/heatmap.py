@@ -19,7 +19,7 @@ Image = NDArray[np.uint8]
 EMPTY = (225, 225, 225)
 LINE = (255, 255, 255)
 ANCHORS = ((40, 12, 84), (52, 74, 140), (30, 130, 140), (70, 184, 108), (250, 232, 60))
-"""Colors from the least to the greatest fitness; ever brighter, so that they also work in gray."""
+"""Colors from the lowest to the highest fitness, from dark to bright, so that they also work in gray."""
 
 _SUB_COLUMNS = 4
 
@@ -32,15 +32,15 @@ def draw_heatmap(
 ) -> Image:
     """Return a fitness heatmap; gray cells are empty.
 
-    Two dimensions: the first descriptor grows from left to right, the second from bottom to top.
-    More: maps within a map, the first two dimensions outermost; a CVT archive's elites are then
-    binned. One: columns. Where several cells share a pixel, it shows the fittest of their elites.
+    With two dimensions, the first descriptor grows from left to right, the second from bottom to top.
+    With more, maps are nested, the first two dimensions outermost, and a CVT archive's elites are
+    binned. With one, cells are columns. A pixel that several cells share shows the fittest elite.
 
     Args:
         archive: Archive to show, of any number of cells and dimensions.
         width: Pixels from left to right.
-        low: Fitness of the darkest color, None for the least in the archive.
-        high: Fitness of the brightest color, None for the greatest.
+        low: Fitness of the darkest color, None for the lowest in the archive.
+        high: Fitness of the brightest color, None for the highest.
 
     Returns:
         (h, w, 3) uint8 RGB image, top row first; w and, for two dimensions and more, h are at most
@@ -66,7 +66,7 @@ def draw_heatmap(
 def _voronoi_pixels(box: bytes, centroids: bytes, width: int) -> Int64Array:
     """Return the cell at the center of each pixel of a square picture, top row first.
 
-    Takes arrays as bytes and is remembered: an archive is shown many times, its cells never move.
+    The arrays come as bytes so that the result can be cached: an archive is shown many times, and its cells never move.
     """
     low, high = np.frombuffer(box).reshape(2, 2)
     share = (np.arange(width)[:, None] + 0.5) / width
@@ -75,7 +75,7 @@ def _voronoi_pixels(box: bytes, centroids: bytes, width: int) -> Int64Array:
 
 
 def _columns(archive: Archive, width: int) -> Float64Array:
-    """Return per pixel the greatest fitness of the cells in its column, NaN for none."""
+    """Return the highest fitness of the cells in each pixel's column, NaN for none."""
     per_column = max(_SUB_COLUMNS, math.ceil(_SUB_COLUMNS * archive.cells / width))
     share = (np.arange(width * per_column) + 0.5) / (width * per_column)
     low, high = archive.coordinates(np.stack([archive.low, archive.high]))
@@ -93,7 +93,7 @@ def _columns(archive: Archive, width: int) -> Float64Array:
 
 def _nested(archive: Archive, width: int, low: float | None, high: float | None) -> Image:
     """Return bins within bins: dimensions 0, 2, 4... to the right, 1, 3, 5... upwards."""
-    # At least 2, or an archive of many dimensions and few cells would be a single bin.
+    # At least 2: with many dimensions and few cells, everything would be in one bin.
     even = max(2, round(archive.cells ** (1.0 / archive.dimensions)))
     bins = archive.bins or (even,) * archive.dimensions
     filled = archive.filled_cells()
@@ -123,11 +123,11 @@ class _Axis:
 
     Args:
         bins: Bins of each of these dimensions.
-        pixels: Most pixels.
+        pixels: Maximum number of pixels.
 
     Attributes:
-        bins: Bins of the dimensions that are shown: those that are left out lie within one pixel.
-        length: Number of places along the side: one per bin, or one per pixel where there are more bins than pixels.
+        bins: Bins of the dimensions that are shown; the other dimensions lie within one pixel.
+        length: Number of places along the side: one per bin, or one per pixel if there are more bins than pixels.
         scale: Pixels per place.
     """
 
@@ -160,7 +160,7 @@ def _colors(values: Float64Array, archive: Archive, low: float | None, high: flo
     least = low if low is not None else float(fitness.min(initial=math.inf))
     most = high if high is not None else float(fitness.max(initial=-math.inf))
     empty = np.isnan(values)
-    # Halves, as the difference of two finite numbers may not be finite.
+    # Halved first: the difference of two finite numbers may be infinite.
     span = most / 2 - least / 2
     share = (values / 2 - least / 2) / span if 0 < span < math.inf else np.ones_like(values)
     share = np.where(empty, 0.0, np.clip(share, 0.0, 1.0))

@@ -1,4 +1,4 @@
-"""The kinds of archive: what settings and files call them, and how each is made. Nowhere else is the kind asked for."""
+"""The kinds of archive: what settings and files call them, and how each is made. No other file depends on the kind."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from pga_me_ros.core.settings import Settings
 from pga_me_ros.tasks.spec import TaskSpec
 
 CENTROIDS_SEED = 0
-"""All runs share their centroids, so that their archives can be compared cell by cell (as coded)."""
+"""All runs share their centroids, so that archives can be compared cell by cell, as in the authors' code."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ def make_archive(spec: TaskSpec, settings: Settings) -> Archive:
     """Return an empty archive (Alg. 3 line 2).
 
     Args:
-        spec: Task; gives bounds, and cells or bins where the settings leave them open.
+        spec: Task; gives bounds, and cells or bins if the settings do not.
         settings: Settings of the run.
 
     Raises:
@@ -80,7 +80,7 @@ def _restored_cvt(
 def _centroids(
     cells: int, low: tuple[float, ...], high: tuple[float, ...], samples: int
 ) -> Float64Array:
-    """Return centroids that the caller copies; some ask for them more than once, and they take seconds."""
+    """Return centroids, which the caller must copy; cached, as they take seconds and may be needed more than once."""
     rng = generator(CENTROIDS_SEED, Purpose.CENTROIDS, 0, cells)
     return cvt_centroids(cells, low, high, samples, rng)
 

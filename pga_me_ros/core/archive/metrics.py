@@ -1,4 +1,4 @@
-"""What a generation achieved (section 4.4, Nilsson & Cully 2021), and which operators did."""
+"""What a generation achieved (section 4.4, Nilsson & Cully 2021), and how much of it each operator did."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from pga_me_ros.core.archive.elites import Solutions, Status
 from pga_me_ros.core.operators import Operator
 
 UNKNOWN = -1
-"""Evaluation id of the best elite where none is known."""
+"""Evaluation id of the best elite if it is unknown."""
 
 
 @dataclass(frozen=True)
 class Metrics:
     """State of the archive after a generation, and what the generation added.
 
-    Counts per operator are in the order of `Operator`: random, ga, pg, greedy, imported, and so on; those of a file
-    that is older than an operator are filled up with zeros.
+    Counts per operator are in the order of `Operator`: random, ga, pg, greedy, imported, and so on. An operator that is
+    newer than a stored file counts 0.
 
     Attributes:
         generation: Number of the generation, from 0.
@@ -35,9 +35,9 @@ class Metrics:
         offspring: Solutions evaluated in this generation, per operator.
         new_elites: Solutions that filled an empty cell, per operator.
         improved_elites: Solutions that replaced an elite, per operator.
-        min_fitness: Fitness of the worst elite; NaN in what was stored by an older program.
-        best_evaluation: Evaluation id of the best elite: of equals the one that was found first, so that it changes
-            only when the best fitness does; -1 in what was stored by an older program.
+        min_fitness: Fitness of the worst elite; NaN in files of older versions.
+        best_evaluation: Evaluation id of the best elite. Ties go to the one found first, so that it changes only when
+            the best fitness does. -1 in files of older versions.
     """
 
     generation: int

@@ -9,22 +9,22 @@ from pga_me_ros.arrays import Float64Array
 from pga_me_ros.core.archive.geometry import checked_box, squared_distances
 
 _BLOCK_NUMBERS = 1 << 17
-"""Distances at a time: they stay in the cache."""
+"""Distances computed at a time: few enough to stay in the cache."""
 
 
 def unit_box(descriptors: ArrayLike, low: ArrayLike, high: ArrayLike) -> Float64Array:
-    """Return descriptors with every dimension in shares of its range, so that distances weigh all alike.
+    """Return descriptors with every dimension in shares of its range, so that all count equally in distances.
 
     Args:
         descriptors: (n, d) numbers; those beyond the bounds count as at the bounds.
-        low: Least value of each of the d dimensions.
-        high: Greatest values.
+        low: Lower bound of each of the d dimensions.
+        high: Upper bounds.
 
     Returns:
         (n, d) float64 within [0, 1].
 
     Raises:
-        ArchiveError: The bounds are no box.
+        ArchiveError: The bounds do not enclose a box.
     """
     lower, upper = checked_box(np.asarray(low).tolist(), np.asarray(high).tolist())
     return np.clip((np.asarray(descriptors, np.float64) - lower) / (upper - lower), 0.0, 1.0)
@@ -35,16 +35,16 @@ def novelty(
 ) -> Float64Array:
     """Return the mean Euclidean distance of each point to the k nearest of the others.
 
-    The number for a point does not depend on the points that it is asked together with.
+    The result for a point does not depend on the other points of the call.
 
     Args:
         points: (n, d) float64.
-        others: (m, d) float64; when there are fewer than k, the mean is over all of them.
+        others: (m, d) float64; if there are fewer than k, the mean is over all of them.
         k: Number of neighbors, at least 1.
         themselves: Whether points and others are the same set, of which no point is its own neighbor.
 
     Returns:
-        (n,) float64; zeros where there is no neighbor.
+        (n,) float64; zeros if there is no neighbor.
     """
     out = np.zeros(len(points))
     k = min(k, len(others) - themselves)
@@ -54,9 +54,7 @@ def novelty(
         if themselves:
             squares[np.arange(len(squares)), np.arange(len(points))[rows]] = np.inf
         nearest = np.partition(squares, k - 1, axis=1)[:, :k]
-        nearest.sort(
-            axis=1
-        )  # or the order of the sum, and with it the last bit, would be partition's whim
+        nearest.sort(axis=1)  # the order that partition leaves would decide the last bit of the sum
         out[rows] = np.sqrt(nearest).mean(axis=1)
     return out
 
