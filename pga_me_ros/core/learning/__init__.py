@@ -1,1 +1,1 @@
-"""Critic training (Alg. 4): replay buffer, critics, targets, and the learner that gives a snapshot per generation."""
+"""Critic training (Alg. 4): replay buffer, critics, targets, and the learner that returns a snapshot per generation."""

@@ -1,6 +1,6 @@
-"""What the critics should return: y of Eq. 5 of Nilsson & Cully (2021)."""
+"""The target of the critics: y of Eq. 5 of Nilsson & Cully (2021)."""
 
-# Annotations stay types: see `compiled`.
+# Annotations must stay types: see `compiled`.
 import torch
 from torch import Tensor
 
@@ -12,13 +12,13 @@ from pga_me_ros.core.settings import Settings
 
 
 class BellmanTarget:
-    """Fills in y of batches, for one thread: it reads the targets in place, its buffers are its own.
+    """Fills in y of batches, for one thread: it reads the targets in place and has its own buffers.
 
     Args:
         greedy_shape: Layers of the greedy controller.
         greedy: (1, P) float32, its target.
         critic_shape: Layers of each critic.
-        critics: Targets of both critics, (E, P_critic) float32 each: those that are computed at once.
+        critics: Targets of both critics, in parts that are computed at once: (E, P_critic) float32 each.
         rows: N, transitions per batch.
     """
 

@@ -1,4 +1,4 @@
-"""The critics' side of the algorithm in one object: replay buffer, training, and what PG variation is given of it."""
+"""Everything that concerns critics in one object: replay buffer, training, and the snapshot for PG variation."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from pga_me_ros.tasks.spec import TaskSpec
 
 
 class CriticLearner:
-    """Learns from whole generations of experience and gives a `Snapshot` for the next offspring.
+    """Learns from whole generations of experience and returns a `Snapshot` for the next offspring.
 
     Args:
         spec: Task.
@@ -56,7 +56,7 @@ class CriticLearner:
             episodes: All its episodes.
 
         Raises:
-            PgaError: An episode is of another robot.
+            PgaError: An episode comes from another robot.
         """
         for e in episodes:
             self._replay.add_episode(
@@ -76,11 +76,11 @@ class CriticLearner:
         self._trainer.set_greedy(parameters)
 
     def train(self, rates: Settings, generation: int) -> Snapshot:
-        """Train (Alg. 4) and return what the offspring of a generation are made with.
+        """Train (Alg. 4) and return what a generation's offspring are made with.
 
         Args:
             rates: Settings with the rates in force.
-            generation: Generation whose offspring it is for.
+            generation: Generation of these offspring.
 
         Raises:
             PgaError: The replay buffer is empty.
@@ -112,7 +112,7 @@ class CriticLearner:
         )
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """Return networks, targets and optimizers, by name; the replay buffer is stored as experience."""
+        """Return networks, targets and optimizers by name; the replay buffer is stored as experience."""
         return self._trainer.state()
 
     def load_state(self, state: dict[str, NDArray[Any]], version: int) -> None:

@@ -1,6 +1,6 @@
 """Critic training: TRAIN_CRITIC, Alg. 4 and Eq. 5 of Nilsson & Cully (2021).
 
-It is TD3 (Fujimoto et al. 2018) with a greedy controller in the place of the actor.
+It is TD3 (Fujimoto et al. 2018) with the greedy controller as the actor.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from pga_me_ros.core.settings import Settings
 from pga_me_ros.errors import NetworkError, StorageError
 
 BLOCK = 8
-"""Steps that are prepared together at most; more would bring nothing and need memory."""
+"""Maximum number of steps that are prepared together; more would cost memory and gain nothing."""
 
 
 class CriticTrainer:
@@ -40,11 +40,11 @@ class CriticTrainer:
 
     Args:
         spec: Spec of the task, for its dimensions.
-        settings: Settings of the run; all but the rates are fixed from here on.
+        settings: Settings of the run; only rates may change later.
         workers: Threads; with more than one, a CPU trains the second critic at the same time as the first. The results
             do not depend on it.
-        purpose: What the draws of its training are for.
-        first_draw: Index of its first draw for `Purpose.CRITIC_INIT`; it takes three.
+        purpose: Purpose of the random draws of its training.
+        first_draw: Index of its first draw for `Purpose.CRITIC_INIT`; it uses three.
 
     Raises:
         SettingsError: The device cannot be used here.
@@ -79,7 +79,7 @@ class CriticTrainer:
         self._greedy_adam = make_adam(self._greedy)
         self._greedy_target = self._greedy.clone()
         parts = self._critics.parts
-        # As many as there are parts, so that two threads are busy with these, too.
+        # One per part, so that two threads share this work, too.
         self._targets = [
             BellmanTarget(
                 self.greedy_shape,
@@ -114,10 +114,10 @@ class CriticTrainer:
 
         Args:
             replay: Transitions to draw from.
-            settings: Those of the run with the rates that hold now; only rates may differ from the
-                first.
-            generation: Number of the generation, from which all draws follow.
-            steps: Numbers of the steps, at least one, in place of 1 to n_crit.
+            settings: Settings of the run with the rates in force; only rates may differ from those
+                given first.
+            generation: Number of the generation, which determines all draws.
+            steps: Numbers of the steps, at least one; 1 to n_crit by default.
 
         Returns:
             Means over the steps: 'critic_loss', 'mean_q' (of Q1 on the batch) and
@@ -153,7 +153,7 @@ class CriticTrainer:
     def _train_block(
         self, replay: TransitionSource, rates: Settings, rng: np.random.Generator, block: range
     ) -> None:
-        """Take steps during which the targets stay as they are (Alg. 4, lines 3-11)."""
+        """Take steps during which the targets do not move (Alg. 4, lines 3-11)."""
         batches = self._batches[: len(block)]
         for batch in batches:
             batch.draw(replay, rng)
@@ -182,7 +182,7 @@ class CriticTrainer:
                 return
             if i < len(shares):  # a batch of one transition makes one share
                 q1_trained.wait()
-                # Ascends mean Q1(s, pi(s)) of the greedy controller (Alg. 4, lines 8-9) on a share of the states.
+                # Climb the greedy controller's mean Q1(s, pi(s)) (Alg. 4, lines 8-9) on a share of the states.
                 self._objectives[i] += climb(self._ascents[i], shares[i]).sum()
             parts[i].move_target(rates.target_rate)
 
@@ -229,8 +229,8 @@ class CriticTrainer:
         """Continue from what `state` returned, bit for bit.
 
         Raises:
-            StorageError: Arrays are missing or belong to other layer sizes; nothing is changed
-                then.
+            StorageError: Arrays are missing or belong to other layer sizes; the trainer is then
+                unchanged.
         """
         critics, greedy = self._critics.state(), self._greedy_tensors()
         for name, tensor in (critics | greedy).items():
@@ -261,11 +261,11 @@ class CriticTrainer:
 
 
 def blocks(steps: range, period: int) -> Iterator[range]:
-    """Divide steps into runs of at most `BLOCK` after whose last, and no other, the targets may move.
+    """Divide steps into blocks of at most `BLOCK`, so that the targets move only after the last step of a block.
 
     Args:
         steps: Numbers of the steps.
-        period: The targets move after the steps whose number it divides.
+        period: The targets move after steps whose number is a multiple of it.
     """
     start = steps.start
     while start < steps.stop:

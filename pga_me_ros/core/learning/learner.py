@@ -1,4 +1,4 @@
-"""What the loop of generations needs of whatever learns: critics, or an evolution strategy."""
+"""What the generation loop needs from a learner, be it critics or an evolution strategy."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from pga_me_ros.tasks.rollout import Episode
 
 
 class Learner(Protocol):
-    """Learns from whole generations of experience and gives a `Snapshot` for the next offspring.
+    """Learns from whole generations of experience and returns a `Snapshot` for the next offspring.
 
     Attributes:
         version: Training steps done since the start of the run.
@@ -25,7 +25,7 @@ class Learner(Protocol):
     newest: int
 
     def forget_experience(self) -> None:
-        """Forget experience, but nothing that was learned from it."""
+        """Forget the experience, but keep what was learned from it."""
 
     def add(self, generation: int, episodes: Iterable[Episode]) -> None:
         """Take one generation's episodes, in evaluation order."""
@@ -34,10 +34,10 @@ class Learner(Protocol):
         """Start the greedy controller as a copy of a controller (setting ``greedy_init: best``)."""
 
     def train(self, rates: Settings, generation: int) -> Snapshot:
-        """Train, and return what the offspring of a generation are made with."""
+        """Train, and return what a generation's offspring are made with."""
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """Return what was learned, by name, in arrays that later training does not change."""
+        """Return what was learned as named arrays that later training does not change."""
 
     def load_state(self, state: dict[str, NDArray[Any]], version: int) -> None:
         """Continue from a stored state, bit for bit."""

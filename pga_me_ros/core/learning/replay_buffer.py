@@ -26,10 +26,10 @@ class ReplayBuffer:
     """The newest transitions, oldest first by index.
 
     A row is [state, action, next state, reward, not_done], so that a training batch is one gather
-    from memory. Memory is reserved at once but taken from the machine only as rows are written.
+    from memory. Memory is reserved at once, but used only as rows are written.
 
     Args:
-        capacity: Transitions kept; older ones are overwritten.
+        capacity: Number of transitions kept; older ones are overwritten.
         obs_dim: Numbers per state.
         act_dim: Numbers per action.
 
@@ -48,7 +48,7 @@ class ReplayBuffer:
         except MemoryError as error:
             raise PgaError(
                 f"replay_size={capacity} transitions take {4e-9 * capacity * self.width:.1f} GB, "
-                "more than this machine gives; make replay_size smaller."
+                "more than this machine can reserve; choose a smaller replay_size."
             ) from error
 
     def __len__(self) -> int:
@@ -63,21 +63,21 @@ class ReplayBuffer:
         terminated: bool,
         max_steps: int | None = None,
     ) -> None:
-        """Add the T transitions of one episode in their order.
+        """Add the T transitions of one episode, in order.
 
         not_done is 0 in the last row of an episode that ended by a fall before the time limit, and
-        1 elsewhere: at the time limit the value goes on (as coded by the authors).
+        1 elsewhere: values extend beyond the time limit, as in the authors' code.
 
         Args:
             states: (T + 1, obs_dim) float32, the first observation to the last.
             actions: (T, act_dim) float32.
             rewards: (T,) float32.
             terminated: Whether the task ended the episode (a fall), rather than the time limit.
-            max_steps: Time limit in steps; a fall in that very step counts as the limit. None for
+            max_steps: Time limit in steps; a fall in the last step counts as the limit. None for
                 no limit.
 
         Raises:
-            PgaError: The arrays do not belong to one episode of this robot.
+            PgaError: The arrays do not fit together or are not of this robot.
         """
         steps = len(actions)
         expected = ((steps + 1, self.obs_dim), (steps, self.act_dim), (steps,))
@@ -139,10 +139,10 @@ class ReplayBuffer:
 class Ring:
     """The newest rows, oldest first by index.
 
-    Memory is reserved at once but taken from the machine only as rows are written.
+    Memory is reserved at once, but used only as rows are written.
 
     Args:
-        capacity: Rows kept; older ones are overwritten.
+        capacity: Number of rows kept; older ones are overwritten.
         width: Numbers per row.
 
     Raises:
@@ -159,7 +159,7 @@ class Ring:
         return self._size
 
     def append(self, rows: Float32Array) -> None:
-        """Add (n, width) float32 rows in their order."""
+        """Add (n, width) float32 rows, in order."""
         capacity = len(self._rows)
         rows = rows[-capacity:]
         start = (self._oldest + self._size) % capacity
@@ -180,6 +180,6 @@ class Ring:
         Returns:
             (n, width) float32, a copy.
         """
-        # Indices count from the oldest row, wherever it lies in the ring: one that was saved and read
+        # Indices count from the oldest row, wherever it lies in the ring: a ring that was saved and read
         # back gives the same rows although it starts elsewhere.
         return np.take(self._rows, indices + self._oldest, axis=0, out=out, mode="wrap")

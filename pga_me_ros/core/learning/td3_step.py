@@ -1,7 +1,7 @@
-"""A critic training step as one would write it down: Alg. 4 of Nilsson & Cully (2021), with torch's autograd.
+"""A plain critic training step: Alg. 4 of Nilsson & Cully (2021), with torch's autograd.
 
-Nothing in a run uses it: it is what to read first, and what `CriticTrainer` is tested against, which computes the same
-in a fraction of the time. It is TD3 (Fujimoto et al. 2018) with the greedy controller as the actor.
+Read this first. No run uses it; it is the reference for tests of `CriticTrainer`, which computes the same in a fraction
+of the time. It is TD3 (Fujimoto et al. 2018) with the greedy controller as the actor.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class TextbookTd3:
 
     Args:
         greedy: Network from (N, obs_dim) states to (N, act_dim) actions within ±1.
-        critics: Two networks from (N, obs_dim + act_dim) states with actions to (N, 1) values.
+        critics: Two networks from (N, obs_dim + act_dim) states and actions to (N, 1) values.
         settings: Settings of the run.
     """
 
@@ -75,7 +75,7 @@ class TextbookTd3:
 
     @torch.no_grad()
     def target(self, batch: TransitionBatch, normal: Tensor) -> Tensor:
-        """Return y (N, 1), what the critics should return: the first part of Eq. 5 (Alg. 4, lines 4-5)."""
+        """Return the (N, 1) target y of the critics: the first part of Eq. 5 (Alg. 4, lines 4-5)."""
         s = self.settings
         noise = (s.smoothing_sigma * normal).clamp(-s.smoothing_clip, s.smoothing_clip)
         next_actions = self.greedy_target(batch.next_states) + noise
@@ -107,13 +107,13 @@ class TextbookTd3:
 
 
 def values(critics: nn.ModuleList, states: Tensor, actions: Tensor) -> list[Tensor]:
-    """Return the values (N, 1) that each critic gives actions in states."""
+    """Return the (N, 1) values of actions in states, for each critic."""
     inputs = torch.cat((states, actions), 1)
     return [critic(inputs) for critic in critics]
 
 
 def perceptron(shape: MlpShape, parameters: Float32Array, *, tanh: bool = False) -> nn.Module:
-    """Return a torch module of a network.
+    """Return a network as a torch module.
 
     Args:
         shape: Layers; the hidden ones are rectified.

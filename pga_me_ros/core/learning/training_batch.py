@@ -1,6 +1,6 @@
-"""One batch of transitions on its way through a critic training step."""
+"""The batch of transitions of a critic training step."""
 
-# Annotations stay types: see `compiled`.
+# Annotations must stay types: see `compiled`.
 from typing import NamedTuple
 
 import numpy as np
@@ -13,7 +13,7 @@ from pga_me_ros.core.settings import Settings
 
 
 class Transitions(NamedTuple):
-    """N transitions with all that a training step needs of them.
+    """N transitions in the form that a training step needs.
 
     Attributes:
         states: (1, N, obs_dim).
@@ -22,7 +22,7 @@ class Transitions(NamedTuple):
         rewards: (N, 1).
         not_done: (N, 1).
         noise: (N, act_dim), the smoothing noise epsilon.
-        y: (N, 1), what the critics should return.
+        y: (N, 1), the target of the critics.
     """
 
     states: Tensor
@@ -35,7 +35,7 @@ class Transitions(NamedTuple):
 
 
 class TrainingBatch:
-    """Fetches transitions to memory that stays.
+    """Fetches transitions into memory that is allocated once.
 
     Args:
         rows: N.
@@ -44,7 +44,7 @@ class TrainingBatch:
         device: Where torch computes.
 
     Attributes:
-        transitions: What was fetched last; y is left to `BellmanTarget`.
+        transitions: The latest transitions; `BellmanTarget` fills in y.
     """
 
     def __init__(self, rows: int, obs_dim: int, act_dim: int, device: torch.device) -> None:
@@ -65,7 +65,7 @@ class TrainingBatch:
         )
 
     def draw(self, replay: TransitionSource, rng: np.random.Generator) -> None:
-        """Draw which transitions, and the smoothing noise (Alg. 4, lines 3-4): all that takes random numbers.
+        """Draw the transitions' indices and the smoothing noise (Alg. 4, lines 3-4): all that takes random numbers.
 
         Raises:
             PgaError: The replay buffer is empty.
@@ -74,7 +74,7 @@ class TrainingBatch:
         rng.standard_normal(dtype=np.float32, out=self._noise)
 
     def gather(self, replay: TransitionSource, rates: Settings) -> None:
-        """Fetch the transitions drawn and give the noise its size, once per draw; batches may do so side by side."""
+        """Fetch the transitions drawn and scale the noise, once per draw; batches may do so in parallel."""
         replay.rows(self._indices, out=self._rows)
         np.multiply(self._noise, np.float32(rates.smoothing_sigma), out=self._noise)
         np.clip(self._noise, -rates.smoothing_clip, rates.smoothing_clip, out=self._noise)

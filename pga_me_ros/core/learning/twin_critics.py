@@ -1,6 +1,6 @@
 """The critics Q1 and Q2 with their targets and optimizers (Eq. 5 of Nilsson & Cully 2021)."""
 
-# Annotations stay types: see `compiled`.
+# Annotations must stay types: see `compiled`.
 import torch
 from torch import Tensor
 
@@ -12,14 +12,14 @@ from pga_me_ros.core.networks.mlp import MlpShape
 
 
 class CriticPart:
-    """Critics that are computed at once: one of them on a CPU, both on a GPU.
+    """Critics that are computed at once: one on a CPU, both on a GPU.
 
     Attributes:
         online: (E, P) float32, the critics.
         target: (E, P) float32, their targets.
         adam: Their optimizer.
         loss: Sum over steps and transitions of their squared errors, a scalar.
-        value: Sum over steps and transitions of what the first of them returned, a scalar.
+        value: Sum over steps and transitions of the first critic's values, a scalar.
 
     Args:
         shape: Layers of each critic.
@@ -53,7 +53,7 @@ class CriticPart:
         self.target.lerp_(self.online, rate)
 
     def tensors(self) -> dict[str, Tensor]:
-        """Return what the next step depends on, each of first dimension E, and the optimizer's steps."""
+        """Return what the next step depends on: tensors whose first dimension is E, and the optimizer's step count."""
         return {
             "critics": self.online,
             "critic_targets": self.target,
@@ -87,7 +87,7 @@ def _descend(
 class TwinCritics:
     """Both critics.
 
-    A CPU computes them one by one, which keeps their signals in its cache. Neither depends on the other but through the
+    A CPU computes them one by one, so that activations stay in its cache. They depend on each other only through the
     targets of a whole block of steps, so two threads can compute them almost independently.
 
     Args:
