@@ -1,4 +1,4 @@
-"""Controllers of an existing repertoire that a run begins with."""
+"""Controllers of an existing repertoire with which a run starts."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Controllers = Float32Array
 
 
 def identity(controllers: Controllers) -> str:
-    """Return what the run's setting ``start_from`` becomes: ``sha256:`` and a digest, or nothing for none."""
+    """Return what a run stores as ``start_from``: ``sha256:`` and a digest, or an empty string for no controllers."""
     if not len(controllers):
         return ""
     content = np.ascontiguousarray(controllers, "<f4")
@@ -23,7 +23,7 @@ def identity(controllers: Controllers) -> str:
 def starting_with(settings: Settings, controllers: Controllers) -> Settings:
     """Return the settings of a run that starts with given controllers.
 
-    They count among its `random_init` first controllers, which become as many as it takes.
+    They count among its `random_init` first controllers; `random_init` is raised if there are more.
     """
     count = max(settings.random_init, len(controllers))
     return settings.replace(start_from=identity(controllers), random_init=count)

@@ -18,17 +18,17 @@ from pga_me_ros.core.variation.random_controllers import random_controllers
 
 @dataclass(frozen=True)
 class OffspringRequest:
-    """Offspring for consecutive places of a batch, and all that they depend on.
+    """Offspring for consecutive places of a batch, and everything they depend on.
 
     Attributes:
         settings: Settings with the rates in force.
         shape: Layers of the controllers.
         generation: Their generation.
         first: Place of the first one in the batch.
-        count: How many, at least 1.
-        parents: (count, each, P) float32 parameters, as many each as the operator takes.
+        count: Number of offspring, at least 1.
+        parents: (count, parents per offspring, P) float32 parameters.
         snapshot: What was learned for their generation; None for an operator that does not need it.
-        workers: Threads; no result depends on their number.
+        workers: Number of threads; no result depends on it.
     """
 
     settings: Settings
@@ -104,4 +104,4 @@ MAKERS: dict[Operator, Callable[[OffspringRequest], Float32Array]] = {
     Operator.QUALITY: _pg,
     Operator.DIVERSITY: _diversity,
 }
-"""Makers by operator. The greedy controller and imported ones have none; they already exist."""
+"""Makers by operator. The greedy controller and imported ones have none, as they already exist."""

@@ -13,27 +13,27 @@ from pga_me_ros.errors import RequestError
 
 
 def es_noise(settings: Settings, generation: int) -> Callable[[int], np.random.Generator]:
-    """Return what draws each mirrored pair of a generation's samples."""
+    """Return a function that gives the random generator of each mirrored pair of a generation's samples."""
     return lambda pair: generator(settings.seed, Purpose.ES_NOISE, generation, pair)
 
 
 def es_samples(
     settings: Settings, center: Float32Array, generation: int, first: int, count: int
 ) -> Float32Array:
-    """Return samples of MAP-Elites-ES for consecutive places of a batch, whose first place is not a sample's.
+    """Return samples of MAP-Elites-ES for consecutive places of a batch; place 0 holds no sample.
 
     Args:
         settings: Settings of the run.
-        center: (P,) float32 what they surround.
+        center: (P,) float32 parameters around which they are drawn.
         generation: Their generation.
         first: Place of the first one, at least 1.
-        count: How many, at least 1.
+        count: Number of samples, at least 1.
 
     Returns:
         (count, P) float32 parameters.
 
     Raises:
-        RequestError: One of the places is 0 or beyond `es_samples`.
+        RequestError: A place is 0 or beyond `es_samples`.
     """
     if not 1 <= first <= first + count - 1 <= settings.es_samples:
         raise RequestError(
@@ -57,10 +57,10 @@ def mirrored(
         sigma: Standard deviation of the samples, in each entry.
         noise: Returns the generator of pair i.
         first: Number of the first sample.
-        count: How many, at least 1.
+        count: Number of samples, at least 1.
 
     Returns:
-        (count, P) float32; a sample is the same in whatever division of all of them.
+        (count, P) float32; a sample is the same however they are divided among calls.
     """
     out = np.empty((count, len(center)), np.float32)
     for pair in range(first // 2, (first + count - 1) // 2 + 1):
@@ -74,7 +74,7 @@ def mirrored(
 def directions(
     noise: Callable[[int], np.random.Generator], pairs: int, size: int
 ) -> Iterator[Float32Array]:
-    """Yield eps of pair 0, 1, ...: what `mirrored` draws."""
+    """Yield eps of pair 0, 1, ..., as `mirrored` draws it."""
     return (_direction(noise(pair), size) for pair in range(pairs))
 
 

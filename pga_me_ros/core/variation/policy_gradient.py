@@ -31,20 +31,20 @@ def pg_variation(
 ) -> Float32Array:
     """Return one offspring per parent: n_grad Adam steps up the mean of Q1(s, pi(s)) (Eq. 1).
 
-    On a CPU an offspring depends on nothing but its parent, the critic, its states and `threads`:
-    it is bit for bit the same alone, in any batch, and with any number of workers.
+    On a CPU an offspring depends only on its parent, the critic, its states and `threads`: it is
+    the same, bit for bit, alone, in any batch, and with any number of workers.
 
     Args:
         parents: (n, P) float32 controllers.
-        critic: (P_critic,) float32, Q1; it stays as it is.
+        critic: (P_critic,) float32, Q1; unchanged.
         states: (n_grad, N, obs_dim) float32 batches shared by all offspring, or (n, n_grad, N,
-            obs_dim) with own batches for each (setting pg_batches).
-        learning_rate: Adam's; each offspring starts with fresh moments.
+            obs_dim) with separate batches for each (setting pg_batches).
+        learning_rate: Learning rate of Adam; each offspring starts with fresh moments.
         controller_shape: Layers of the controllers.
         critic_shape: Layers of the critic.
         threads: Threads of each matrix product (setting torch_threads); the last bits depend on it.
-        workers: Offspring computed at a time at most, each on a thread of its own where a core is free; a matter of
-            speed alone. Not used on a GPU, which computes all offspring at once.
+        workers: Maximum number of offspring computed at a time, each on its own thread if a core is free; affects only
+            the speed. Not used on a GPU, which computes all offspring at once.
         device: 'cpu', 'auto' (a GPU if torch finds one), or another torch device.
 
     Returns:
@@ -60,11 +60,11 @@ def pg_variation(
     if not len(parents):
         return offspring
     own = states.ndim == 4
-    # A CPU is fastest with one offspring at a time, whose activations stay in its cache; a GPU with
-    # all at once.
+    # A CPU is fastest with one offspring at a time, as activations then stay in its cache; a GPU
+    # with all at once.
     size = 1 if problem.device.type == "cpu" else len(parents)
     chunks = [slice(i, i + size) for i in range(0, len(parents), size)]
-    todo = iter(chunks)  # all threads take from it
+    todo = iter(chunks)  # shared by all threads
 
     def climb(goes_on: GoesOn) -> None:
         torch.set_num_threads(threads)  # torch keeps this number per thread, too
@@ -94,8 +94,8 @@ class _Problem:
 class _Climber:
     """E offspring under way, with the memory for it.
 
-    Each chunk of parents is copied to the same place: a matrix product may round otherwise at
-    another alignment, so rows of a larger array would not give the same bits as the same offspring
+    Each chunk of parents is copied to the same place: a matrix product may round differently at
+    another alignment, so rows of a larger array would not give the same bits as an offspring
     alone.
     """
 
@@ -104,7 +104,7 @@ class _Climber:
         self._learning_rate = problem.learning_rate
         count = problem.controller_shape.parameter_count
         self._controllers = torch.zeros((size, count), device=problem.device)
-        # All follow the same critic; repeated so that a batched product takes them side by side.
+        # All follow the same critic; repeated for the batched product.
         q1 = torch.from_numpy(critic.copy()).to(problem.device).repeat(size, 1)
         self._ascent = make_value_ascent(
             self._controllers, problem.controller_shape, q1, problem.critic_shape, rows
@@ -151,10 +151,10 @@ def pg_states(snapshot: Snapshot, first: int, count: int) -> Float32Array:
     Args:
         snapshot: State of the critics for their generation.
         first: Place of the first one.
-        count: How many.
+        count: Number of offspring.
 
     Returns:
-        (n_grad, N, observation_dim) when all share them, else (count, n_grad, N, observation_dim).
+        (n_grad, N, observation_dim) if all share them, else (count, n_grad, N, observation_dim).
 
     Raises:
         RequestError: The snapshot has no states for those places.

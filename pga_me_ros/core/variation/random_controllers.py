@@ -1,6 +1,6 @@
 """Random controllers, with which a run starts (Alg. 3 line 10).
 
-Each depends on the run's seed, its generation and its place in the batch alone, so any division
+Each depends only on the run's seed, its generation and its place in the batch, so any division
 of a batch among calls or processes gives the same bits.
 """
 
@@ -24,7 +24,7 @@ def random_controllers(
         shape: Layers of the controllers.
         generation: Their generation.
         first: Place of the first one.
-        count: How many, at least 1.
+        count: Number of controllers, at least 1.
 
     Returns:
         (count, P) float32 parameters.
