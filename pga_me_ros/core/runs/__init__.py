@@ -1,1 +1,1 @@
-"""What a run keeps in its folder: settings, experience, critics, and where it starts from."""
+"""What a run keeps in its folder: settings, experience, critics, and the controllers it starts from."""

@@ -1,4 +1,4 @@
-"""Critic states on disk, one file per generation, so that a run can continue exactly where it was."""
+"""Critic states on disk, one file per generation, so that a run can resume exactly where it was."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from pga_me_ros.core.storage.generation_files import GenerationFiles
 from pga_me_ros.errors import NetworkError, StorageError
 
 KEPT = 3
-"""Newest checkpoints that are kept: a run may be resumed one generation before the newest."""
+"""Number of newest checkpoints that are kept: a run may be resumed one generation before the newest."""
 
 STATE_PREFIX = "state."
 SNAPSHOT_PREFIX = "snapshot."
 NETWORK_PREFIX = f"{SNAPSHOT_PREFIX}networks."
 
 CriticState = dict[str, NDArray[Any]]
-"""What `CriticLearner.state` returns: networks, targets and optimisers by name."""
+"""What `CriticLearner.state` returns: networks, targets and optimizers by name."""
 
 
 class CriticCheckpoints:
@@ -41,9 +41,9 @@ class CriticCheckpoints:
         self._files = GenerationFiles(directory, "critic")
 
     def save(self, order: TrainingOrder, snapshot: Snapshot, state: CriticState) -> None:
-        """Make the outcome of a training durable, and drop what can no longer be needed.
+        """Make the outcome of a training durable, and delete what is no longer needed.
 
-        That is what is older than the newest `KEPT`, and what was trained for later generations: those
+        That is everything older than the newest `KEPT`, and outcomes for later generations: those
         trainings started from a state that this one replaces.
 
         Raises:
@@ -66,7 +66,7 @@ class CriticCheckpoints:
             self._files.delete(generation)
 
     def find(self, order: TrainingOrder) -> tuple[Snapshot, CriticState] | None:
-        """Return the outcome of exactly this training, if it was done before.
+        """Return the outcome of exactly this training, None if it was not done before.
 
         Raises:
             StorageError: Its file is damaged.
@@ -77,7 +77,7 @@ class CriticCheckpoints:
         return (snapshot, state) if theirs == order else None
 
     def before(self, generation: int) -> tuple[Snapshot, CriticState] | None:
-        """Return the newest outcome for an earlier generation, None when there is none.
+        """Return the newest outcome for an earlier generation, None if there is none.
 
         Raises:
             StorageError: Its file is damaged.
@@ -86,22 +86,22 @@ class CriticCheckpoints:
         return None if newest is None else self._load(newest)[:2]
 
     def newest_before(self, generation: int) -> int | None:
-        """Return the newest earlier generation whose outcome is here, None when there is none."""
+        """Return the newest earlier generation with an outcome, None if there is none."""
         return max((g for g in self._files.generations() if g < generation), default=None)
 
     def discard_since(self, generation: int) -> None:
         """Delete the outcomes of trainings that took place in a generation or later.
 
-        A run that was killed in the middle of a generation does it again, perhaps with other rates. If those need no
-        critics, nothing replaces what was trained the first time, and some later training would start from a state that
+        A run that was killed in the middle of a generation repeats it, perhaps with other rates. If those need no
+        critics, nothing replaces what was trained the first time, and a later training would start from a state that
         an undisturbed run never had.
 
         Raises:
             StorageError: The file for that generation is damaged, or one cannot be deleted.
         """
         for trained_for in self._files.generations():
-            # Critics for a later generation were trained in this one at the earliest; those for this one may
-            # have been trained in the one before.
+            # Critics for later generations were trained in this one or later; those for this one may have
+            # been trained in the one before.
             if trained_for > generation or (
                 trained_for == generation and self._load(generation)[2].ordered_in >= generation
             ):
@@ -121,7 +121,7 @@ class CriticCheckpoints:
         except (KeyError, TypeError, AttributeError, NetworkError) as error:
             raise StorageError(
                 f"'{path}' holds no outcome of a critic training ({error}); restore it from a copy, "
-                "or start the run anew."
+                "or start a new run."
             ) from error
         return snapshot, state, order
 
@@ -136,7 +136,7 @@ def _networks(arrays: Mapping[str, NDArray[Any]], meta: Mapping[str, Any]) -> di
 def _older(arrays: Mapping[str, NDArray[Any]], meta: dict[str, Any]) -> dict[str, Network]:
     """Return the networks of an older file, which has a field for each, and remove those fields.
 
-    Critics shared one field for their layers; where there were none, it was empty, and so was the critic.
+    Critics shared one field for their layers; without critics, it was empty, and so was the critic.
     """
     critic, controller = meta.pop("critic_shape"), meta.pop("greedy_shape")
     layers = {CRITIC: critic, GREEDY: controller, DIVERSITY_CRITIC: critic, CENTER: controller}

@@ -24,8 +24,8 @@ from pga_me_ros.tasks.rollout import Episode
 class Experience:
     """Episodes of whole generations, in evaluation order, one file each.
 
-    Episodes may arrive in any order, twice, or not at all; `missing` tells which of a generation have not. What has
-    fallen out of the replay buffer's window is deleted.
+    Episodes may arrive in any order, twice, or not at all; `missing` returns those of a generation that have not
+    arrived. Files that have left the replay buffer's window are deleted.
 
     Args:
         directory: The folder of the files; made if absent.
@@ -39,7 +39,7 @@ class Experience:
         self._files = GenerationFiles(directory, "experience")
         self._settings = settings
         self._staged: dict[int, dict[int, Episode]] = {}
-        self._stored = -1  # newest generation that was stored by this object, rather than before
+        self._stored = -1  # newest generation stored by this object, not by an earlier process
         self._expected = max(self._files.generations(), default=-1)
         self._lengths: dict[int, int] = {}
 
@@ -50,7 +50,7 @@ class Experience:
             Whether it was new; a duplicate is dropped.
 
         Raises:
-            RequestError: The evaluation is not of that generation.
+            RequestError: The evaluation does not belong to that generation.
         """
         ids = evaluation_ids(self._settings, generation)
         if generation < 0 or evaluation not in ids:
@@ -65,30 +65,30 @@ class Experience:
         return True
 
     def missing(self, generation: int) -> list[int]:
-        """Return the evaluation ids of a generation that have not arrived.
+        """Return the ids of a generation's evaluations whose episodes have not arrived.
 
         A file of that generation does not count: if the run was killed between storing a generation and adding it to
-        the archive, it may be done again with other rates.
+        the archive, the generation may be repeated with other rates.
         """
         staged = self._staged.get(generation, {})
         return [k for k in evaluation_ids(self._settings, generation) if k not in staged]
 
     @property
     def stored(self) -> int:
-        """Newest generation that was stored by this object, -1 for none."""
+        """Newest generation stored by this object, -1 for none."""
         return self._stored
 
     def awaits(self, generation: int) -> bool:
-        """Whether somebody may still ask for episodes of a generation: not of one that is over, or far ahead."""
+        """Whether a generation's episodes may still be needed: not if it is over or far ahead."""
         return self._stored <= generation <= max(self._stored, self._expected) + 1
 
     def expect(self, generation: int) -> None:
-        """Say that a generation is about to be stored, so that its episodes are taken.
+        """Announce that a generation is about to be stored, so that its episodes are accepted.
 
-        A run may go on where no file tells: after its folder was restored from a copy, or lost.
+        The files cannot tell which one is next if the folder was restored from a copy, or lost.
 
         Raises:
-            RequestError: A later generation is stored already, or there is none of that number.
+            RequestError: A later generation is stored already, or the number is not a generation's.
         """
         last = evaluation_ids(self._settings, generation).stop
         if not max(self._stored, 0) <= generation or last > INT64_MAX:
@@ -99,9 +99,9 @@ class Experience:
         self._expected = max(self._expected, generation)
 
     def drop_others(self, generation: int, fitness: Float64Array) -> None:
-        """Drop episodes that are not those of a generation's evaluations.
+        """Drop episodes that do not belong to a generation's evaluations.
 
-        An evaluator that outlives a killed orchestrator may go on with a generation that is then done again with other
+        An evaluator that outlives a killed orchestrator may continue with a generation that is then repeated with other
         rates; its episodes have the same ids, but another fitness.
 
         Args:
@@ -115,7 +115,7 @@ class Experience:
                 del staged[evaluation]
 
     def store(self, generation: int) -> None:
-        """Write a complete generation to its file and drop what is too old to matter.
+        """Write a complete generation to its file and delete files that are no longer needed.
 
         Raises:
             RequestError: Some of its episodes have not arrived.
@@ -138,8 +138,8 @@ class Experience:
         """Return a generation's episodes in evaluation order.
 
         Raises:
-            RequestError: It is neither staged completely nor stored.
-            StorageError: Its file is damaged or another generation's.
+            RequestError: The generation is neither complete nor stored.
+            StorageError: Its file is damaged or belongs to another generation.
         """
         if not self.missing(generation):
             return self._staged_episodes(generation)
@@ -157,10 +157,10 @@ class Experience:
         return list(_unpack(arrays))
 
     def window(self, newest: int) -> range:
-        """Return the generations that fill the replay buffer, up to one: all, or as many as it holds.
+        """Return the newest generations that fit into the replay buffer, up to and including `newest`.
 
         Raises:
-            StorageError: One of them is missing, or its file is damaged.
+            StorageError: A generation is missing, or its file is damaged.
         """
         stop = max(newest, -1) + 1
         transitions, first = 0, stop
@@ -179,16 +179,16 @@ class Experience:
 
     def _length(self, generation: int) -> int:
         if generation not in self._lengths:
-            # A wrong length that a damaged header tells is found out when the episodes are read.
+            # If a damaged header gives a wrong length, reading the episodes will find out.
             shapes = checkpoint_shapes(self._files.path(generation))
             self._lengths[generation] = shapes.get("actions", (0,))[0]
         return self._lengths[generation]
 
     def _drop_old(self, newest: int) -> None:
-        """Delete files that hold only transitions that the replay buffer has overwritten.
+        """Delete files whose transitions the replay buffer has all overwritten.
 
-        Two generations more than the window are kept: a run that is resumed may train on all but the newest, and where
-        the outcome of that training is damaged, repeat it without the one before.
+        Two generations more than the window are kept: a resumed run may train on a window that ends one generation
+        before the newest, and repeat a training whose outcome is damaged on one that ends two before.
         """
         kept = 0
         for generation in reversed([g for g in self._files.generations() if g < newest - 1]):

@@ -1,4 +1,4 @@
-"""Whether this machine's memory can hold the networks that a run's settings ask for."""
+"""Whether this machine's memory can hold the networks of a run's settings."""
 
 from __future__ import annotations
 
@@ -13,19 +13,18 @@ NUMBER = 4
 """Bytes of a parameter, which is a float32."""
 
 CRITIC_COPIES = 10
-"""Times that a critic's parameters are held while it is trained: two critics, each with its target, gradient and two
-moments of Adam."""
+"""Arrays of a critic's size that training holds: two critics, each with target, gradient and two moments of Adam."""
 
 
 def require_memory(spec: TaskSpec, settings: Settings) -> None:
-    """Refuse networks that cannot be held at least once as they are used, whatever else there is.
+    """Refuse networks that do not fit into memory even without anything else.
 
     Args:
         spec: Task.
         settings: Settings of the run.
 
     Raises:
-        SettingsError: A generation of controllers, or the critics, are larger than the memory of this machine.
+        SettingsError: A generation of controllers, or the critics in training, are larger than this machine's memory.
     """
     available = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
     controllers = controller_shape(spec, settings).parameter_count * settings.batch_size

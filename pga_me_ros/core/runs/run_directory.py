@@ -26,10 +26,10 @@ LOCK = "run.lock"
 FOLDERS = ("logs", "parameters", "experience")
 
 LEAVE_WAIT = 5.0
-"""Seconds that an orchestrator that was asked to stop gets to leave."""
+"""Seconds that an orchestrator gets to exit after it was told to stop."""
 
 ORPHAN_WAIT = 20.0
-"""Seconds that the children of a killed orchestrator get to notice and leave: one that is still importing its libraries
+"""Seconds that the children of a killed orchestrator get to notice and exit: one that is still importing its libraries
 notices only afterwards."""
 
 
@@ -42,10 +42,10 @@ class RunDirectory:
         run_id: UUID of the run.
         next_generation: First generation that is not committed.
         before: Settings with the rates of the last committed generation.
-        settings: Settings with the rates that the next generation is made with.
+        settings: Settings with the rates of the next generation.
         notes: What the user should know about how the run is resumed.
         lock: Lock that the children inherit, so that it is free only when all are gone.
-        imported: (n, P) float32 controllers that the run starts with in place of random ones.
+        imported: (n, P) float32 controllers that the run starts with instead of random ones.
     """
 
     path: Path
@@ -64,15 +64,15 @@ class RunDirectory:
 
 
 def default_run_dir(settings: Settings) -> Path:
-    """Return the folder that the same command always finds again: ``runs/TASK-seedSEED``."""
+    """Return the default folder, which the same command always finds again: ``runs/TASK-seedSEED``."""
     name = settings.task.replace(":", ".").rsplit(".", 1)[-1]
     return Path("runs") / f"{name}-seed{settings.seed}"
 
 
 def open_run(path: Path, spec: TaskSpec, settings: Settings) -> RunDirectory:
-    """Make the folder of a new run, or resume the run that it holds.
+    """Create the folder of a new run, or resume the run that it holds.
 
-    Rates that were changed while the run was under way stay in force, unless this start names others than its first.
+    Rates that were changed during the run stay in force, unless other rates are given now than at its first start.
 
     Args:
         path: The folder.
@@ -105,7 +105,7 @@ def open_run(path: Path, spec: TaskSpec, settings: Settings) -> RunDirectory:
 
 
 def _require_no_leftovers(path: Path) -> None:
-    """Make sure that no critics or experience of another run could be taken for those of a new one."""
+    """Make sure that the folder has no critics or experience of another run."""
     left = sorted([*path.glob("critic-*.ckpt"), *path.glob("experience/experience-*.ckpt")])
     if left:
         raise StorageError(

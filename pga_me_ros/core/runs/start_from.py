@@ -1,8 +1,8 @@
-"""Controllers of an existing repertoire that a run begins with, in place of random ones.
+"""Controllers of an existing repertoire with which a run starts, instead of random ones.
 
-They are evaluated as the first solutions of the run, with its own seed, for its own archive and experience: what they
-were worth elsewhere does not count. The run keeps a copy of them, so a resumed run does not depend on what
-became of their source; their digest is part of its identity.
+They are evaluated as the run's first solutions, with its own seed, for its own archive and experience; their earlier
+fitness does not count. The run keeps a copy of them, so that resuming does not depend on their source; their digest is
+part of its identity.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ COPY = "start_from.npz"
 COPY_FORMAT = "pga_me_ros controllers to start from 1"
 
 _SAME = ("observation_names", "observation_units", "action_names", "action_units")
-"""What must agree for a controller to mean the same in another run."""
+"""What must be equal for a controller to mean the same in another run."""
 
 
 def read_controllers(path: Path, spec: TaskSpec, shape: MlpShape) -> Controllers:
@@ -37,15 +37,15 @@ def read_controllers(path: Path, spec: TaskSpec, shape: MlpShape) -> Controllers
 
     Args:
         path: Folder of a run, its repertoire file, or the exported file.
-        spec: Task that they are to be used for.
-        shape: Layers that they are to have.
+        spec: Task that they will be used for.
+        shape: Layers that they must have.
 
     Returns:
         (n, P) float32, in the order of their cells.
 
     Raises:
-        StorageError: The file is missing, damaged or of another kind, or its controllers are of another task or have
-            other layers.
+        StorageError: The file is missing, damaged or of another kind, or its controllers have another task or other
+            layers.
     """
     file = repertoire_file(path)
     if is_exported(file):
@@ -65,20 +65,20 @@ def read_controllers(path: Path, spec: TaskSpec, shape: MlpShape) -> Controllers
 def take_controllers(
     folder: Path, spec: TaskSpec, settings: Settings, shape: MlpShape, *, new: bool
 ) -> Controllers:
-    """Return the controllers that a run's settings ask to start from; a new run keeps a copy of them.
+    """Return the controllers that a run's settings start from; a new run keeps a copy of them.
 
     Args:
         folder: Folder of the run.
         spec: Its task.
         settings: Its settings as given now.
         shape: Layers of its controllers.
-        new: Whether the run is only about to be made.
+        new: Whether the run is yet to be created.
 
     Returns:
-        (n, P) float32, n = 0 where the settings ask for none.
+        (n, P) float32, n = 0 if the settings name none.
 
     Raises:
-        StorageError: As in `read_controllers`, or the copy is damaged or cannot be written.
+        StorageError: As for `read_controllers`; also if the copy is damaged or cannot be written.
     """
     if not settings.start_from:
         return np.empty((0, shape.parameter_count), np.float32)
@@ -101,7 +101,7 @@ def _from_npz(file: Path) -> tuple[Mapping[str, Any], NDArray[Any]]:
     names = ("task", "layer_sizes", "parameters", *_SAME)
     missing = [name for name in names if name not in arrays]
     if missing:
-        raise StorageError(f"'{file}' lacks the arrays {', '.join(missing)}; export it anew.")
+        raise StorageError(f"'{file}' lacks the arrays {', '.join(missing)}; export it again.")
     about: dict[str, Any] = {name: arrays[name].tolist() for name in ("layer_sizes", *_SAME)}
     return about | {"name": str(arrays["task"])}, arrays["parameters"]
 
@@ -129,7 +129,7 @@ def _require_same_robot(file: Path, about: Mapping[str, Any], spec: TaskSpec) ->
 
 
 def _checked(file: Path, parameters: NDArray[Any], shape: MlpShape) -> Controllers:
-    """Return controllers if they can be started from.
+    """Return controllers if a run can start from them.
 
     Raises:
         StorageError: There are none, or their array has another type or shape or holds a number that is not finite.
@@ -137,11 +137,11 @@ def _checked(file: Path, parameters: NDArray[Any], shape: MlpShape) -> Controlle
     count = shape.parameter_count
     if parameters.dtype != np.float32 or parameters.ndim != 2 or parameters.shape[1] != count:
         raise StorageError(
-            f"'{file}': the parameters are {parameters.dtype} of the shape {parameters.shape}; expected float32 of "
+            f"'{file}': the parameters are {parameters.dtype} of shape {parameters.shape}; expected float32 of "
             f"(controllers, {count})."
         )
     if not len(parameters):
         raise StorageError(f"'{file}' holds no behavior yet; run it for longer first.")
     if not np.isfinite(parameters).all():
-        raise StorageError(f"'{file}' holds parameters that are not finite; export it anew.")
+        raise StorageError(f"'{file}' holds parameters that are not finite; export it again.")
     return parameters

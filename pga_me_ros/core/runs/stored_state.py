@@ -17,16 +17,16 @@ from pga_me_ros.core.storage.generation_files import GenerationFiles
 from pga_me_ros.errors import StorageError
 
 DAMAGED = ".damaged"
-"""What is added to the name of a file that is set aside."""
+"""Suffix of a file that is set aside."""
 
 
 def require_sound_state(
     path: Path, history: Sequence[Mapping[str, Any]], before: Settings, settings: Settings
 ) -> list[str]:
-    """Make sure that critics and experience of a run are there and whole.
+    """Make sure that critics and experience of a run are present and undamaged.
 
-    A damaged outcome of the newest training is set aside if the training can be repeated, bit for bit, from the outcome
-    before; it is never used.
+    A damaged outcome of the newest training is never used; it is set aside if the training can be repeated, bit for
+    bit, from the outcome before.
 
     Args:
         path: Folder of the run.
@@ -38,7 +38,7 @@ def require_sound_state(
         What was damaged or missing, in words.
 
     Raises:
-        StorageError: A file that cannot be made again is damaged or missing.
+        StorageError: A file that cannot be recreated is damaged or missing.
     """
     files = GenerationFiles(path, "critic")
     damage = _damage(files)
@@ -57,18 +57,18 @@ def require_sound_state(
     for generation in damage:
         file = files.path(generation)
         rename_file(file, file.with_name(file.name + DAMAGED))
-        notes.append(f"{file.name} is damaged; it is not used, and kept as {file.name}{DAMAGED}")
+        notes.append(f"{file.name} is damaged and was renamed to {file.name}{DAMAGED}")
     return notes
 
 
 def _done_again(name: str, *, damaged: bool) -> str:
     if damaged:
-        return f"the training that made {name} is done again"
-    return f"the training for {name} had not ended, or its file was removed; it is done now"
+        return f"the training that made {name} is repeated"
+    return f"the training for {name} had not finished, or its file was removed; it is done now"
 
 
 def _damage(files: GenerationFiles) -> dict[int, str]:
-    """Return what is wrong with the files that are damaged."""
+    """Return what is wrong with each damaged file, by generation."""
     found = {}
     for generation in files.generations():
         try:
@@ -79,11 +79,11 @@ def _damage(files: GenerationFiles) -> dict[int, str]:
 
 
 def _trainings(history: Sequence[Mapping[str, Any]], settings: Settings) -> Iterator[int]:
-    """Yield the generations that critics were trained for in the committed ones, the newest first."""
+    """Yield the generations that committed generations trained critics for, newest first."""
     known: dict[tuple[tuple[str, Any], ...], Settings] = {}
 
     def at(t: int) -> Settings:
-        rates = tuple(history[t].items())  # in most runs they never change
+        rates = tuple(history[t].items())  # rates never change in most runs
         return known.get(rates) or known.setdefault(rates, settings.with_rates(history[t]))
 
     newest = len(history) + 1
@@ -104,13 +104,13 @@ def _require_repeatable(
     files: GenerationFiles,
     damage: Mapping[int, str],
 ) -> None:
-    """Make sure that generation t has the newest training done again, and that it then ends as before.
+    """Make sure that generation t repeats the newest training, and with the same outcome.
 
     Raises:
         StorageError: The training cannot be repeated.
     """
     ordered_again = trained[0] == t and training_for(settings, before, t) is not None
-    # The best controller, at which the first training starts the greedy one, is another one by now.
+    # The first training starts the greedy controller at the best one, which has changed since.
     has_start = trained[1] in sound if trained[1:] else settings.greedy_init != "best"
     if not (ordered_again and has_start):
         lost = files.path(trained[0])

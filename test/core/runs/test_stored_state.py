@@ -92,9 +92,11 @@ def test_damaged_critics_are_set_aside_and_trained_again(run: Path, fault: str) 
     notes = check(run)
     if fault == "missing":
         (note,) = notes
-        assert note.startswith(f"the training for {NEWEST} had not ended, or its file was removed")
+        assert note.startswith(
+            f"the training for {NEWEST} had not finished, or its file was removed"
+        )
     else:
-        assert notes[0] == f"the training that made {NEWEST} is done again"
+        assert notes[0] == f"the training that made {NEWEST} is repeated"
     assert not (run / NEWEST).exists()
     assert (run / f"{NEWEST}.damaged").exists() == (fault != "missing")
 
@@ -136,7 +138,7 @@ def test_critics_that_cannot_be_made_again_are_told_and_nothing_is_changed(
 def test_damaged_critics_that_are_needed_no_more_are_set_aside(run: Path) -> None:
     flip(0.5)(run / BEFORE)
     (note,) = check(run)
-    assert note == f"{BEFORE} is damaged; it is not used, and kept as {BEFORE}.damaged"
+    assert note == f"{BEFORE} is damaged and was renamed to {BEFORE}.damaged"
 
 
 def test_critics_are_made_again_even_where_the_next_generation_uses_none(run: Path) -> None:
