@@ -80,7 +80,11 @@ def test_a_full_disk_ends_the_run_and_room_lets_it_go_on(
     assert run.wait() == ERROR, run.output
     (error,) = [line for line in run.output.splitlines() if line.startswith("error: ")]
     assert "Traceback" not in run.output
-    assert "Make room" in error or "free some space" in error or "the space on it" in error, error
+    assert (
+        "Free space on its disk" in error
+        or "free some space" in error
+        or "the space on it" in error
+    ), error
     assert str(run_dir) in error
     assert f"evaluations are safe in {run_dir}/repertoire.db" in run.output
     wait_for_no_children(run_dir)

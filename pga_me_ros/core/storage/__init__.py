@@ -1,1 +1,1 @@
-"""Files of a run: the repertoire, metrics, checkpoints, and how they are written safely."""
+"""Files of a run: repertoire, metrics and checkpoints, and how they are written safely."""

@@ -1,4 +1,4 @@
-"""Checkpoint files: named arrays and some JSON in one file that is whole or refused.
+"""Checkpoint files: named arrays and some JSON in one file, with a checksum.
 
 Layout: 8 bytes of magic, the length of the header as a little-endian uint64, the header in JSON,
 the arrays one after the other (each starting at a multiple of 64 bytes), and the SHA-256 of
@@ -30,23 +30,22 @@ MAGIC = b"PGAMECK1"
 ALIGNMENT = 64
 DIGEST_SIZE = 32
 HEADER_MOST = 1 << 20
-"""Bytes at the beginning of a file that hold its header in any case."""
+"""Bytes at the beginning of a file that are enough for any header."""
 
 PLAIN_KINDS = "biuf"
 """Array kinds that a file may hold: booleans, integers, floats; never objects."""
 
 
 def save_checkpoint(path: str | Path, arrays: Mapping[str, Array], meta: Mapping[str, Any]) -> None:
-    """Write a checkpoint in the place of an older one; a crash leaves one of the two, whole.
+    """Write a checkpoint, replacing an older one; a crash leaves one of the two intact.
 
     Args:
         path: File to write.
         arrays: Arrays of booleans, integers or floats, of any shape.
-        meta: What JSON can hold.
+        meta: Anything that JSON can hold.
 
     Raises:
-        StorageError: The file cannot be written, or an array or `meta` is of a kind that it cannot
-            hold.
+        StorageError: The file cannot be written, or it cannot hold an array or `meta`.
     """
     path = Path(path)
     plain = {name: np.ascontiguousarray(array) for name, array in arrays.items()}
@@ -56,22 +55,22 @@ def save_checkpoint(path: str | Path, arrays: Mapping[str, Array], meta: Mapping
     except OSError as error:
         raise StorageError(
             f"Cannot write checkpoint {path}: {error.strerror}. "
-            "Make room on its disk, or give a folder that exists and may be written to."
+            "Free space on its disk, or give a folder that exists and is writable."
         ) from error
 
 
 def load_checkpoint(path: str | Path) -> tuple[dict[str, Array], dict[str, Any]]:
-    """Read a checkpoint and make sure that it is whole.
+    """Read a checkpoint and verify its checksum.
 
     Args:
         path: File that `save_checkpoint` wrote.
 
     Returns:
-        The arrays by name, writable, and the meta data.
+        The arrays by name, writable, and the metadata.
 
     Raises:
-        StorageError: The file cannot be read, is no checkpoint, or is damaged; the message names
-            it.
+        StorageError: The file cannot be read, is not a checkpoint, or is damaged; the message names
+            the file.
     """
     path = Path(path)
     content = _read(path)
@@ -80,7 +79,7 @@ def load_checkpoint(path: str | Path) -> tuple[dict[str, Array], dict[str, Any]]
     if hashlib.sha256(body).digest() != content[-DIGEST_SIZE:]:
         raise StorageError(
             f"Checkpoint {path} is damaged: its checksum does not match, so it was cut short or "
-            "changed. Restore it from a copy, or start the run anew."
+            "changed. Restore it from a copy, or start a new run."
         )
     start = len(MAGIC) + 8
     (length,) = struct.unpack("<Q", body[len(MAGIC) : start])
@@ -96,10 +95,10 @@ def load_checkpoint(path: str | Path) -> tuple[dict[str, Array], dict[str, Any]]
 
 
 def checkpoint_shapes(path: str | Path) -> dict[str, tuple[int, ...]]:
-    """Return the shapes of a checkpoint's arrays by name, without reading them or checking its sum.
+    """Return the shapes of a checkpoint's arrays by name, without reading the arrays or verifying the checksum.
 
     Raises:
-        StorageError: The file cannot be read, is no checkpoint, or its header is damaged.
+        StorageError: The file cannot be read, is not a checkpoint, or its header is damaged.
     """
     path = Path(path)
     content = _read(path, HEADER_MOST)
@@ -112,7 +111,7 @@ def checkpoint_shapes(path: str | Path) -> dict[str, tuple[int, ...]]:
     except (struct.error, ValueError, KeyError, TypeError):
         raise StorageError(
             f"Checkpoint {path} is damaged: its header cannot be read. Restore it from a copy, or "
-            "start the run anew."
+            "start a new run."
         ) from None
 
 
@@ -121,12 +120,12 @@ def _require_magic(path: Path, found: bytes) -> None:
         return
     if found[:-1] == MAGIC[:-1] and len(found) == len(MAGIC):
         raise StorageError(
-            f"Checkpoint {path} has version {found[-1:].decode(errors='replace')!r} of the layout, this "
-            f"program reads {MAGIC[-1:].decode()!r}. Use the pga_me_ros that made it."
+            f"Checkpoint {path} has layout version {found[-1:].decode(errors='replace')!r}, but this "
+            f"program reads {MAGIC[-1:].decode()!r}. Use the pga_me_ros that wrote it."
         )
     raise StorageError(
-        f"{path} is no checkpoint of this program, or its beginning is damaged. Restore it from a "
-        "copy, or start the run anew."
+        f"{path} is not a checkpoint of this program, or its beginning is damaged. Restore it from a "
+        "copy, or start a new run."
     )
 
 
@@ -137,16 +136,16 @@ def _header(
     for name, array in plain.items():
         if array.dtype.kind not in PLAIN_KINDS:
             raise StorageError(
-                f"Array '{name}' of {array.dtype} cannot go into checkpoint {path}; "
-                "it holds booleans, integers and floats only."
+                f"Array '{name}' of {array.dtype} cannot be stored in checkpoint {path}; "
+                "a checkpoint holds only booleans, integers and floats."
             )
-        # ascontiguousarray makes a scalar one-dimensional, so the shape is the original's.
+        # ascontiguousarray makes a scalar one-dimensional, so take the shape of the original.
         shape = list(np.shape(arrays[name]))
         entries.append({"name": name, "dtype": array.dtype.str, "shape": shape})
     try:
         return json.dumps({"arrays": entries, "meta": dict(meta)}).encode()
     except TypeError as error:
-        raise StorageError(f"Meta data of checkpoint {path} is no JSON: {error}.") from error
+        raise StorageError(f"Metadata of checkpoint {path} is not JSON: {error}.") from error
 
 
 def _write_content(file: BinaryIO, header: bytes, plain: Mapping[str, Array]) -> None:
@@ -163,8 +162,7 @@ def _write_content(file: BinaryIO, header: bytes, plain: Mapping[str, Array]) ->
     for array in plain.values():
         write(bytes(_aligned(position) - position))
         write(array.reshape(-1).view(np.uint8).data)
-    # The next array's padding, so that a reader finds every array at an aligned place, the end
-    # included.
+    # Padding before the next array and before the checksum, so that everything is aligned.
     write(bytes(_aligned(position) - position))
     file.write(digest.digest())
 

@@ -1,4 +1,4 @@
-"""Opening SQLite files and naming what goes wrong with them."""
+"""Opening SQLite files and explaining what is wrong with them."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ APPLICATION_ID = 0x5047414D
 """Marks a repertoire among SQLite files: "PGAM"."""
 
 PAGE_SIZE = 16384
-"""Bytes; controllers take some 80 kB each, so large pages save time."""
+"""Bytes; a controller takes some 80 kB, so large pages save time."""
 
 RESTORE = "Restore it from a copy, or start a new run in another run_dir."
 BUSY_SECONDS = 10.0
@@ -55,8 +55,8 @@ def _reason(error: sqlite3.Error) -> str:
         return f"it cannot be opened or written ({error}). Check permissions of file and folder."
     if name.startswith("SQLITE_PROTOCOL"):
         return (
-            f"the file system that it is on does not support the file locks that SQLite needs ({error}). The file "
-            "itself need not be damaged: copy it, with its '-wal' file if there is one, to a local disk and open that."
+            f"its file system does not support the file locks that SQLite needs ({error}). The file itself may be "
+            "intact: copy it, with its '-wal' file if there is one, to a local disk and open the copy."
         )
     if name.startswith("SQLITE_IOERR"):
         return (
@@ -67,10 +67,10 @@ def _reason(error: sqlite3.Error) -> str:
 
 
 def connect(path: Path, read_only: bool) -> sqlite3.Connection:
-    """Open a repertoire file and check that it is one, sound and of this version.
+    """Open a repertoire file and check that it is undamaged and of a known version.
 
     Raises:
-        StorageError: The file is missing, no repertoire, damaged, of another version, or unreadable.
+        StorageError: The file is missing, not a repertoire, damaged, of another version, or unreadable.
     """
     with explained(path):
         _check_header(path)
@@ -89,10 +89,10 @@ def connect(path: Path, read_only: bool) -> sqlite3.Connection:
 
 
 def create_file(path: Path, info: RunInfo, archive: Archive) -> None:
-    """Make a repertoire file without generations, under another name first: there is never half a file.
+    """Make a repertoire file without generations, under a temporary name first, so that it is never incomplete.
 
     Raises:
-        StorageError: The file exists, or a log that SQLite would take for its own.
+        StorageError: The file exists, or a log that SQLite would take for the file's.
         OSError: The folder cannot be written.
     """
     for present in (path, Path(f"{path}-wal")):
@@ -111,25 +111,25 @@ def create_file(path: Path, info: RunInfo, archive: Archive) -> None:
 
 
 def require_no_loss(path: Path, last: int, stored: Sequence[int]) -> None:
-    """Make sure that the file ends where its run does.
+    """Make sure that the file has all generations of its run.
 
-    SQLite ignores a log that is damaged or gone, and what is left is whole: an older state of the same run. The
-    experience of a generation is stored before it is committed, that of the next one never.
+    SQLite ignores a log that is damaged or gone, and shows an older state of the run as intact. Experience tells: a
+    generation's is stored before the generation is committed, but never that of the generation after it.
 
     Raises:
-        StorageError: Experience is stored of a generation that the file cannot have reached.
+        StorageError: There is experience of a later generation than the one after the file's last.
     """
     if stored and stored[-1] > last + 1:
         raise StorageError(
             f"'{path}' ends with generation {last}, but its run stored experience of generation "
             f"{stored[-1]}: what was committed since is lost. Its log '{path.name}-wal' is missing or "
-            "damaged, or an older copy was put in its place. Restore the whole folder from a copy; to "
+            "damaged, or the file was replaced by an older copy. Restore the whole folder from a copy; to "
             f"use it as of generation {last}, copy the file elsewhere."
         )
 
 
 def _empty_file(path: Path, schema_version: int) -> sqlite3.Connection:
-    """Make a database with empty tables in a single file; fill it, close it and rename it."""
+    """Make a database with empty tables in a single file, for the caller to fill, close and rename."""
     for leftover in (path, Path(f"{path}-journal")):
         leftover.unlink(missing_ok=True)
     connection = _open(path, "mode=rwc")
@@ -143,7 +143,7 @@ def _empty_file(path: Path, schema_version: int) -> sqlite3.Connection:
 
 def _open(path: Path, query: str) -> sqlite3.Connection:
     uri = f"file:{quote(str(path.absolute()))}?{query}"
-    # Transactions are begun and ended by hand; nodes may use other threads than they opened in.
+    # Transactions are begun and ended by hand; nodes may use the connection in another thread.
     return sqlite3.connect(
         uri, uri=True, isolation_level=None, timeout=BUSY_SECONDS, check_same_thread=False
     )
@@ -158,7 +158,7 @@ def _open_read_only(path: Path) -> sqlite3.Connection:
         connection.close()
         wal = Path(f"{path}-wal")
         forbidden = error.sqlite_errorname.startswith(("SQLITE_READONLY", "SQLITE_CANTOPEN"))
-        # WAL needs a file next to the database. If none can be made, nobody writes. Yet a log
+        # WAL needs a file next to the database. If it cannot be created, nobody is writing. But a log
         # that was left behind must not be ignored: it holds generations.
         if not forbidden or (wal.exists() and wal.stat().st_size > 0):
             raise
@@ -187,8 +187,8 @@ def _check(connection: sqlite3.Connection, path: Path) -> None:
     found = connection.execute("PRAGMA user_version").fetchone()[0]
     if found not in READABLE_VERSIONS:
         raise StorageError(
-            f"'{path}' has the schema version {found}, this one reads {READABLE_VERSIONS[0]} to {SCHEMA_VERSION}. "
-            "Use the pga_me_ros that made it."
+            f"'{path}' has schema version {found}, but this program reads {READABLE_VERSIONS[0]} to {SCHEMA_VERSION}. "
+            "Use the pga_me_ros that wrote it."
         )
     report = [row[0] for row in connection.execute("PRAGMA quick_check(1)")]
     if report != ["ok"]:

@@ -1,4 +1,4 @@
-"""The tables of a repertoire file that came later: the worst and the best elite of every generation."""
+"""Tables that newer repertoire files have: the worst and the best elite of every generation."""
 
 from __future__ import annotations
 
@@ -36,25 +36,25 @@ CREATE TABLE IF NOT EXISTS bests (
     digest BLOB NOT NULL
 );
 """
-"""Tables that came later: `extremes` belongs to `generations`; `bests` keeps every elite that was the best one for a
-time, also when another has taken its cell since. Older files gain these tables when opened for writing."""
+"""`extremes` belongs to `generations`; `bests` keeps every elite that was ever the best one, even if another has taken
+its cell since. Older files gain these tables when opened for writing."""
 
 GENERATIONS = (
     "SELECT g.*, e.min_fitness, e.best_evaluation, e.digest FROM generations g "
     "LEFT JOIN extremes e USING (generation)"
 )
 OLDER_GENERATIONS = "SELECT g.*, NULL, NULL, NULL FROM generations g"
-"""The same of a file that an older program made."""
+"""The same for a file without the table `extremes`."""
 
 
 def has_extremes(connection: sqlite3.Connection) -> bool:
-    """Whether a file has these tables: those of older programs have not."""
+    """Whether a file has these tables; older files do not."""
     query = "SELECT count(*) FROM sqlite_schema WHERE name IN ('extremes', 'bests')"
     return bool(connection.execute(query).fetchone()[0] == 2)
 
 
 def store_extremes(connection: sqlite3.Connection, metrics: Metrics) -> None:
-    """Store the extremes of a generation whose elites are in the table already, within their transaction."""
+    """Store the extremes of a generation, after its elites and within their transaction."""
     if metrics.best_evaluation == UNKNOWN:
         return
     columns = (metrics.generation, *(getattr(metrics, name) for name in EXTREMES))
@@ -65,7 +65,7 @@ def store_extremes(connection: sqlite3.Connection, metrics: Metrics) -> None:
 
 
 def read_bests(connection: sqlite3.Connection, archive: Archive) -> list[Elite]:
-    """Return every elite that was the best one after some generation, in the order in which they were found.
+    """Return every elite that was the best one after some generation, in the order they were found.
 
     Args:
         connection: The file.

@@ -1,4 +1,4 @@
-"""Who may write a repertoire file: one process at a time, named to the ones that come too late."""
+"""A lock on a repertoire file: one process at a time may write, and others are told which."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pathlib import Path
 from pga_me_ros.errors import StorageError
 
 POLL = 0.05
-"""Seconds between two attempts to take a lock that is waited for: flock itself knows no time limit."""
+"""Seconds between two attempts to take a lock; flock itself has no timeout."""
 
 
 class LockedError(StorageError):
@@ -21,10 +21,10 @@ class LockedError(StorageError):
 
 
 class FileLock:
-    """Exclusive lock that ends with the process that holds it, however that dies.
+    """Exclusive lock that ends with the process that holds it, however that process dies.
 
-    Processes that inherit the file descriptor hold it too. The file stays behind when the lock is released: deleting it
-    could take it from the next holder.
+    Processes that inherit the file descriptor hold it, too. Releasing the lock does not delete the file, because that
+    could take the lock from the next holder.
 
     Args:
         path: Lock file; made if absent.
@@ -33,7 +33,7 @@ class FileLock:
 
     Raises:
         LockedError: Another process (or another part of this one) holds the lock.
-        StorageError: The file cannot be made, or its file system knows no locks.
+        StorageError: The file cannot be made, or its file system does not support locks.
     """
 
     def __init__(self, path: Path, wait: float = 0.0, orphans: float = 0.0) -> None:
@@ -53,12 +53,12 @@ class FileLock:
                 f"'{path.name.removesuffix('.lock')}' in '{path.parent}' is being written by "
                 f"another process ({holder}). Stop that one first, or choose another run_dir."
             ) from None
-        except OSError as error:  # a file system that knows no locks
+        except OSError as error:  # a file system without locks
             os.close(self._fd)
             raise StorageError(
                 f"Cannot lock '{path}' ({error.strerror}); choose a run_dir on another file system."
             ) from None
-        with contextlib.suppress(OSError):  # on a full disk the holder goes without a name
+        with contextlib.suppress(OSError):  # on a full disk, the holder remains unnamed
             os.ftruncate(self._fd, 0)
             os.pwrite(self._fd, f"pid {os.getpid()} on {socket.gethostname()}\n".encode(), 0)
 
@@ -81,7 +81,7 @@ class FileLock:
         return os.pread(self._fd, 200, 0).decode(errors="replace").strip()
 
     def _orphaned(self) -> bool:
-        """Whether the process that took the lock was of this machine and is dead."""
+        """Whether the process that took the lock ran on this machine and is dead."""
         match = re.fullmatch(r"pid (\d{1,9}) on (.+)", self._holder())
         if not match or match[2] != socket.gethostname():
             return False
@@ -94,7 +94,7 @@ class FileLock:
         return False
 
     def release(self) -> None:
-        """Give the lock up; once is enough."""
+        """Release the lock; a second call does nothing."""
         if self._fd >= 0:
             os.ftruncate(self._fd, 0)
             os.close(self._fd)

@@ -1,4 +1,4 @@
-"""Folders and files of a run: folders that can be written to, files that are replaced whole and survive a power cut."""
+"""Folders and files of a run: checks that folders are writable, atomic and durable replacement of files."""
 
 from __future__ import annotations
 
@@ -31,20 +31,20 @@ def make_folder(path: Path) -> None:
 
 
 def require_reachable(name: str, path: Path) -> None:
-    """Make sure that a path can be looked at, and read where there is something; it need not exist.
+    """Make sure that a path is accessible, and readable if it exists; it need not exist.
 
     Args:
         name: Setting that gives it.
         path: File or folder.
 
     Raises:
-        SettingsError: A folder on the way may not be entered, the path is too long or goes in circles, or what is there
+        SettingsError: A folder on the way may not be entered, the path is too long or circular, or the file or folder
             may not be read.
     """
     try:
         path.stat()
     except (FileNotFoundError, NotADirectoryError):
-        return  # it is made, or missed where it is needed
+        return  # it will be made, or reported where it is needed
     except OSError as error:
         raise SettingsError(
             f"{name} is '{path}', which cannot be reached ({error.strerror}); give a path whose folders you may enter."
@@ -56,16 +56,16 @@ def require_reachable(name: str, path: Path) -> None:
 def replace_file(
     path: Path, content: bytes | Callable[[BinaryIO], None], *, shared: bool = False
 ) -> None:
-    """Write a file under another name, then rename it: a crash or power cut leaves the old file or the new one, whole.
+    """Write a file under another name, then rename it: a crash or power cut leaves the old or the new file intact.
 
     Args:
         path: File to write or replace; its folder must exist.
         content: Bytes of the file, or a function that writes them into the open file.
-        shared: Whether other processes may be replacing the same file now; each then writes under a name of its own.
-            Otherwise the name is always the same, so that what a killed process left is overwritten.
+        shared: Whether other processes may be replacing the same file now; each then writes under its own name.
+            Otherwise the name is always the same, so that the leftovers of a killed process are overwritten.
 
     Raises:
-        OSError: The file cannot be written or renamed; the old one is as it was.
+        OSError: The file cannot be written or renamed; the old one is unchanged.
     """
     new = path.with_name(f".{path.name}.{os.getpid()}.new" if shared else f".{path.name}.new")
     try:
@@ -83,7 +83,7 @@ def replace_file(
 
 
 def rename_file(path: Path, target: Path) -> None:
-    """Rename a file within its folder, in place of one that has the new name; survives a power cut.
+    """Rename a file within its folder, replacing any file of the new name; survives a power cut.
 
     Raises:
         OSError: The file cannot be renamed, or the disk fails.
@@ -97,7 +97,7 @@ def rename_file(path: Path, target: Path) -> None:
 
 
 def save_bytes(path: Path, content: bytes) -> None:
-    """Write a file that a user asked for, as `replace_file` does.
+    """Write a file for a user, as `replace_file` does.
 
     Raises:
         StorageError: The file cannot be written.

@@ -1,4 +1,4 @@
-"""Files of a run that are named after generations."""
+"""Files of a run that are numbered by generation."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class GenerationFiles:
 
     Args:
         directory: The folder; made if absent.
-        stem: What the files' names begin with.
+        stem: Prefix of the files' names.
 
     Raises:
         StorageError: The folder cannot be made, or cannot be written to.
@@ -41,10 +41,10 @@ class GenerationFiles:
         return generations_of(self.directory, self._stem)
 
     def delete(self, generation: int) -> None:
-        """Delete the file of a generation; one that is not there is no error.
+        """Delete the file of a generation, if it exists.
 
         Raises:
-            StorageError: It cannot be deleted.
+            StorageError: The file cannot be deleted.
         """
         try:
             self.path(generation).unlink(missing_ok=True)

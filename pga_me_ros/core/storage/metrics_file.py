@@ -31,7 +31,7 @@ _NUMBERS = (
 _PER_OPERATOR = ("offspring", "new_elites", "improved_elites")
 
 TIME_COLUMNS = ("committed",)
-"""Columns that differ between two runs with the same settings; all others are the same, bit for bit."""
+"""Columns that differ between two runs with the same settings; all others are equal, bit for bit."""
 
 COLUMNS = (
     *_NUMBERS,
@@ -41,7 +41,7 @@ COLUMNS = (
 
 
 class MetricsFile:
-    """The table of a run; the repertoire file is what counts, and this is made again from it.
+    """The table of a run, a copy of what its repertoire file holds.
 
     Args:
         path: The file.
@@ -51,10 +51,10 @@ class MetricsFile:
         self.path = path
 
     def rebuild(self, generations: Sequence[Generation]) -> None:
-        """Make the file hold exactly these generations; a crash leaves the old or the new one, whole.
+        """Make the file hold exactly these generations; a crash leaves either the old or the new file intact.
 
         Raises:
-            StorageError: It cannot be written.
+            StorageError: The file cannot be written.
         """
         content = _lines([COLUMNS, *(_row(generation) for generation in generations)])
         with explained(self.path):
@@ -66,7 +66,7 @@ class MetricsFile:
         """Add the row of a generation that was just committed.
 
         Raises:
-            StorageError: It cannot be written.
+            StorageError: The file cannot be written.
         """
         with explained(self.path), self.path.open("ab") as file:
             file.write(_lines([_row(generation)]))
@@ -80,7 +80,7 @@ def _row(generation: Generation) -> list[object]:
 
 
 def _lines(rows: Sequence[Sequence[object]]) -> bytes:
-    """Return rows as CSV; floats are written so that they are read back bit for bit."""
+    """Return rows as CSV, with floats in full precision."""
     text = io.StringIO()
     csv.writer(text, lineterminator="\n").writerows(rows)
     return text.getvalue().encode()

@@ -1,4 +1,4 @@
-"""A repertoire as named NumPy arrays in an ``.npz`` file, which loads without any of this software.
+"""A repertoire as named NumPy arrays in an ``.npz`` file, which needs only NumPy to load.
 
 docs/export.md lists the arrays. Nothing in such a file is pickled.
 """
@@ -48,7 +48,7 @@ def repertoire_arrays(info: RunInfo, archive: Archive, cells: Sequence[int]) -> 
     Args:
         info: Description of the run.
         archive: Its archive.
-        cells: Filled cells whose elites are wanted, n of them.
+        cells: The n filled cells whose elites are returned.
 
     Returns:
         Arrays by name as docs/export.md lists them.
@@ -86,7 +86,7 @@ def operator_names(operators: Int64Array) -> NDArray[np.str_]:
 
 
 def save_arrays(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
-    """Write arrays into a file at once: there is the old one, or the whole new one.
+    """Write arrays into a file, replacing it atomically.
 
     Equal arrays give equal bytes.
 
@@ -103,8 +103,8 @@ def load_arrays(path: Path, required: str, what: str) -> Arrays:
 
     Args:
         path: The file.
-        required: What its array ``format`` must hold.
-        what: What such a file is called, for messages.
+        required: Required value of its array ``format``.
+        what: Name of this kind of file, for messages.
 
     Raises:
         StorageError: The file is missing, damaged or of another kind.
@@ -125,7 +125,7 @@ def load_arrays(path: Path, required: str, what: str) -> Arrays:
         KeyError,
     ) as error:
         raise StorageError(
-            f"'{path}' is damaged or no {what} ({error}); restore it or write it anew."
+            f"'{path}' is damaged or no {what} ({error}); restore it or write it again."
         ) from None
     if str(arrays.get("format", "")) != required:
         raise StorageError(

@@ -40,14 +40,14 @@ from pga_me_ros.errors import StorageError
 __all__ = ["SCHEMA_VERSION", "Repertoire", "RunInfo"]
 
 PREDECESSOR_WAIT = 3.0
-"""Seconds that a writer that is about to end gets to release the file."""
+"""Seconds that a writer that is about to exit gets to release the file."""
 
 
 class Repertoire:
     """An open repertoire file; made by `create` and `open`, closed by `close` or ``with``.
 
-    A generation is committed whole, and once committed survives a power cut. One process at a time
-    may write; any number may read meanwhile, and see whole generations only.
+    A generation is committed atomically, and then survives a power cut. One process at a time may
+    write; any number may read meanwhile, and see only complete generations.
 
     Attributes:
         path: The file.
@@ -69,12 +69,12 @@ class Repertoire:
 
     @classmethod
     def create(cls, path: str | Path, info: RunInfo, archive: Archive) -> Repertoire:
-        """Make a new file with no generation in it, and open it for writing.
+        """Make a new file without generations, and open it for writing.
 
         Args:
             path: The file; its folder is made if absent.
             info: Identity of the run.
-            archive: Archive whose cells the repertoire has; its elites are not stored.
+            archive: Archive with the cells of the repertoire; its elites are not stored.
 
         Raises:
             StorageError: The file exists, or cannot be made.
@@ -96,14 +96,14 @@ class Repertoire:
 
         Args:
             path: The file.
-            read_only: Whether nothing will be committed; works next to a writer and in folders that cannot be written.
+            read_only: Whether nothing will be committed; works while another process writes, and in read-only folders.
 
         Raises:
             StorageError: The file is missing, not a repertoire, damaged, of another schema version,
                 not accessible, or being written by another process.
         """
         path = Path(path)
-        # Listed first: a writer that is under way may add to both meanwhile.
+        # Listed first, because a writer may add to both meanwhile.
         with explained(path):
             stored = generations_of(path.parent / "experience", "experience")
         if read_only:
@@ -119,7 +119,7 @@ class Repertoire:
 
     @classmethod
     def _opened(cls, path: Path, lock: FileLock | None, stored: Sequence[int]) -> Repertoire:
-        """Open a file next to the experience of some generations; see `open`."""
+        """Open a file whose run has stored experience of some generations; see `open`."""
         connection = connect(path, read_only=lock is None)
         try:
             repertoire = cls(path, connection, lock)
@@ -152,14 +152,14 @@ class Repertoire:
             generation: Number of the generation, from 0.
             elites: The elites of all cells that it changed.
             metrics: Its metrics.
-            rates: The rates in force, fit for JSON.
+            rates: The rates in force, as JSON can hold them.
 
         Returns:
-            False if that generation was there already, in which case nothing is changed.
+            False if that generation is stored already; nothing is changed then.
 
         Raises:
-            StorageError: A generation is left out, the parts do not fit together, the file was
-                opened for reading, or it cannot be written; then nothing of it is in the file.
+            StorageError: A generation is skipped, the parts do not fit together, the file was opened
+                for reading, or it cannot be written; the file is then unchanged.
         """
         if self._lock is None:
             raise StorageError(f"'{self.path}' was opened for reading; open it for writing.")
@@ -209,7 +209,7 @@ class Repertoire:
         return archive
 
     def generations(self) -> list[Generation]:
-        """Return what is stored of each generation besides its elites, in order.
+        """Return what is stored about each generation besides its elites, in order.
 
         Raises:
             StorageError: A row is damaged or missing.
@@ -220,15 +220,17 @@ class Repertoire:
             if [row.metrics.generation for row in rows] != list(range(len(rows))):
                 raise DamagedRow("the row of a generation is missing")
             known = [row.metrics.best_evaluation != UNKNOWN for row in rows]
-            if known != sorted(known):  # once stored, they are stored in every generation
+            if known != sorted(
+                known
+            ):  # every generation after the first that has them has them, too
                 raise DamagedRow("the row of extremes of a generation is missing")
         return rows
 
     def bests(self) -> list[Elite]:
-        """Return every elite that was the best one after some generation, in the order in which they were found.
+        """Return every elite that was the best one after some generation, in the order they were found.
 
-        Elites that others have replaced since are among them. Of generations that an older program stored, they are not
-        known.
+        They include elites that others have replaced since. For generations that an older version stored, they are
+        unknown.
 
         Raises:
             StorageError: A row is damaged or missing.
@@ -238,10 +240,10 @@ class Repertoire:
             return read_bests(self._connection, archive)
 
     def generation(self, generation: int) -> Generation:
-        """Return what is stored of one generation besides its elites.
+        """Return what is stored about one generation besides its elites.
 
         Raises:
-            StorageError: Its row is damaged or missing.
+            StorageError: The row is damaged or missing.
         """
         with explained(self.path):
             query = f"{self._generations} WHERE generation = ?"
@@ -267,7 +269,7 @@ class Repertoire:
         return [generation.rates for generation in self.generations()]
 
     def result_digest(self) -> str:
-        """Return the SHA-256 of cells and elites: equal for bit for bit equal repertoires.
+        """Return the SHA-256 of cells and elites: equal for repertoires that are equal, bit for bit.
 
         It does not depend on times, the run's id or paths (`Archive.digest`).
 
@@ -277,7 +279,7 @@ class Repertoire:
         return self.load_archive().digest()
 
     def close(self) -> None:
-        """Close the file and let others write it; once is enough."""
+        """Close the file and let others write it; a second call does nothing."""
         with explained(self.path):
             self._connection.close()
         if self._lock is not None:

@@ -1,7 +1,7 @@
-"""The tables of a repertoire file: their layout, and rows to objects and back with checksums.
+"""The tables of a repertoire file: their layout, and the conversion of rows to objects and back, with checksums.
 
 Every row carries a SHA-256 of its own content. A generation's row also carries the XOR of the
-digests of all elites as they were then, so that a missing, stale or foreign elite shows.
+digests of all elites at that time, which reveals a missing, stale or foreign elite.
 """
 
 from __future__ import annotations
@@ -67,15 +67,15 @@ CREATE TABLE generations (
 
 DIGEST_SIZE = 32
 EXTREMES = ("min_fitness", "best_evaluation")
-"""Metrics that came later, in a table of their own (`core.storage.extremes`)."""
+"""Metrics that only newer files have, in a separate table (`core.storage.extremes`)."""
 METRICS = tuple(f.name for f in fields(Metrics) if f.name not in EXTREMES)
 _PER_OPERATOR = ("offspring", "new_elites", "improved_elites")
 
 Row = Sequence[Any]
 
 
-class DamagedRow(Exception):  # noqa: N818 - it is a finding, `StorageError` is the error that users see
-    """Something in a repertoire file is not what was written."""
+class DamagedRow(Exception):  # noqa: N818 - a finding; the error that users see is `StorageError`
+    """Something in a repertoire file differs from what was written."""
 
 
 def archive_to_row(info: RunInfo, archive: Archive) -> tuple[str, str, bytes, bytes]:
@@ -182,7 +182,7 @@ def metrics_to_row(
 
 @dataclass(frozen=True)
 class Generation:
-    """What a repertoire file says of one generation.
+    """What a repertoire file holds about one generation.
 
     Attributes:
         metrics: Its metrics.
@@ -198,10 +198,10 @@ class Generation:
 
 
 def row_to_generation(row: Row) -> Generation:
-    """Return what `metrics_to_row` made a row of.
+    """Return the generation from the columns of `metrics_to_row`.
 
     Args:
-        row: Its columns, and those of the table `extremes` without the generation: all None where there are none.
+        row: Its columns, followed by those of the table `extremes` without the generation, all None if unknown.
 
     Raises:
         DamagedRow: The row is damaged.

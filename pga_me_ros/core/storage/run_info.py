@@ -1,4 +1,4 @@
-"""What a repertoire file says about the run that made it; enough to use its controllers."""
+"""What a repertoire file says about its run; enough to use its controllers."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from pga_me_ros.errors import StorageError
 from pga_me_ros.tasks.spec import OPTIONAL_FIELDS, TaskSpec
 
 SCHEMA_VERSION = 2
-"""Version of the repertoire file's layout. In version 1, the cells of a CVT archive were told apart by distances in the
+"""Version of the repertoire file's layout. In version 1, a CVT archive measured distances to its centroids in the
 descriptor's units; since version 2, in shares of its range."""
 
 READABLE_VERSIONS = (1, SCHEMA_VERSION)
@@ -27,15 +27,15 @@ LIBRARIES = ("numpy", "torch", "pybullet")
 
 @dataclass(frozen=True)
 class RunInfo:
-    """Identity of a run: plain JSON, so that readers need nothing of its software.
+    """Identity of a run: plain JSON, so that readers need none of its software.
 
     Attributes:
         run_id: UUID of the run.
-        settings: `Settings.to_dict()` of its first start; each generation has its rates.
+        settings: `Settings.to_dict()` of its first start; rates are stored with each generation.
         task: `TaskSpec.to_json()`: names, units, limits of observations, actions, descriptors.
         layer_sizes: Sizes of the controllers' layers, from observation to action.
         activations: Activation after each layer but the first, for example ``("relu", "tanh")``.
-        versions: Versions of the libraries that computed it.
+        versions: Versions of the libraries that computed the run.
         created: Time of creation, ISO 8601 in UTC.
         schema_version: Version of the file's layout.
     """
@@ -51,7 +51,7 @@ class RunInfo:
 
     @classmethod
     def of_new_run(cls, spec: TaskSpec, settings: Settings) -> RunInfo:
-        """Return the description of a run that begins now, with a new id.
+        """Return the description of a new run, with a new id.
 
         Args:
             spec: Its task.
@@ -113,7 +113,7 @@ class RunInfo:
             )
 
     def version_differences(self, versions: Mapping[str, str]) -> list[str]:
-        """Name the libraries that differ, one ``"name: ours != theirs"`` each.
+        """Return the libraries that differ, each as ``"name: ours != theirs"``.
 
         Other versions may change the result of a resumed run.
         """
@@ -123,7 +123,7 @@ class RunInfo:
 
 
 def library_versions() -> dict[str, str]:
-    """Return the versions of Python and of what computes the results, importing none of it."""
+    """Return the versions of Python and of the libraries that compute results, without importing them."""
     found = {"python": platform.python_version()}
     for name in LIBRARIES:
         try:
@@ -134,12 +134,12 @@ def library_versions() -> dict[str, str]:
 
 
 def changed_fields(stored: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
-    """Name the fields in which a task's spec is not what a run was made with.
+    """Return the fields in which a task's spec differs from that of a run.
 
     Args:
-        stored: `TaskSpec.to_json()` of the run, as JSON gives it back. What it lacks because its version did not know
-            of it yet is no change.
-        now: That of the task as it is now, in the same form.
+        stored: `TaskSpec.to_json()` of the run, read back from JSON. A field that is missing because the version that
+            wrote it did not have it does not count.
+        now: That of the task now, in the same form.
     """
     added = OPTIONAL_FIELDS - stored.keys()
     names = sorted((stored.keys() | now.keys()) - added)
@@ -147,7 +147,7 @@ def changed_fields(stored: Mapping[str, Any], now: Mapping[str, Any]) -> list[st
 
 
 def _with_cells(settings: Settings, task: Mapping[str, Any]) -> Settings:
-    """Return settings in which 0 cells and the task's own number of them are the same."""
+    """Return settings with 0 cells replaced by the task's own number."""
     if settings.archive == "grid":
         return settings
     return settings.replace(cells=settings.cells or task.get("archive_cells", 0))

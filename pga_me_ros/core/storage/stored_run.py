@@ -1,4 +1,4 @@
-"""A run as its folder holds it: the one reader of "path or folder -> repertoire"."""
+"""A stored run, read from its folder or repertoire file; every program reads runs with this."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _ZIP = b"PK"
 
 
 def repertoire_file(path: str | Path) -> Path:
-    """Return the repertoire file that a user means by a path: that of a run's folder, or the file itself."""
+    """Return the repertoire file of a path: the one in a run's folder, or the file itself."""
     path = Path(path)
     return path / REPERTOIRE if path.is_dir() else path
 
@@ -47,7 +47,7 @@ def is_exported(file: Path) -> bool:
         with file.open("rb") as content:
             return content.read(len(_ZIP)) == _ZIP
     except OSError:
-        return False  # opening it as a repertoire says what is wrong with it
+        return False  # opening it as a repertoire will report what is wrong
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,15 +56,15 @@ class StoredBehavior:
 
     Attributes:
         cell: Its cell in the archive.
-        evaluation: Id of the evaluation that fitness and descriptor are from.
+        evaluation: Id of the evaluation that gave fitness and descriptor.
         fitness: Sum of rewards in that evaluation.
         descriptor: (d,) float64 achieved descriptor.
-        distance: Euclidean distance from the descriptor that was asked for, 0 if none was.
-        generation: Generation that it was made in.
+        distance: Euclidean distance from the requested descriptor, 0 if none was given.
+        generation: Generation in which it was made.
         made_by: Operator that made it, for example ``pg``.
         parents: Evaluation ids of its parents, at most two.
         steps: Length of that evaluation, control steps.
-        terminated: Whether that evaluation ended by a fall.
+        terminated: Whether that evaluation ended in a fall.
         parameters: (P,) float32; per layer the weights (out, in) row by row, then the biases.
         controller: Maps an observation, (observation_dim,) float32, to an action, (action_dim,) float32 within ±1.
     """
@@ -85,15 +85,15 @@ class StoredBehavior:
 
 @dataclass(frozen=True, eq=False)
 class StoredRun:
-    """A run, finished or growing, as it was when it was read.
+    """A run, finished or growing, in its state when it was read.
 
     Attributes:
         file: Its repertoire file.
-        info: What the file says of the run: its id, task, library versions.
+        info: What the file says about the run: its id, task, library versions.
         settings: Settings that the run was started with.
         spec: Its task.
         generations: Metrics, rates and time of every generation.
-        reevaluations: What elites did when they were evaluated again (``reevaluate``).
+        reevaluations: Re-evaluations of elites (``reevaluate``).
     """
 
     file: Path
@@ -110,7 +110,7 @@ class StoredRun:
         Args:
             path: Folder of the run, or its repertoire file.
             elites: Whether to read the archive now, and require that it holds a behavior. Otherwise the archive is read
-                when it is first asked for.
+                on first use.
 
         Raises:
             StorageError: There is no run, it is damaged or of another version, or it holds no behavior yet.
@@ -163,7 +163,7 @@ class StoredRun:
         return np.array([getattr(m, name) for m in self.metrics], np.float64)
 
     def bests(self) -> list[Elite]:
-        """Read every elite that was the best one after some generation, in the order in which they were found.
+        """Read every elite that was the best one after some generation, in the order they were found.
 
         Raises:
             StorageError: The file is damaged.
@@ -187,11 +187,11 @@ class StoredRun:
         """Return the elites to choose from.
 
         Args:
-            min_fitness: Least fitness, None for any.
+            min_fitness: Minimum fitness, None for any.
             by_mean: Whether elites are judged by their means over re-evaluations; those without any are left out.
 
         Raises:
-            NotFoundError: By their means, but none was re-evaluated.
+            NotFoundError: `by_mean` is set, but no elite was re-evaluated.
         """
         elites = self.statistics.as_elites(self.archive) if by_mean else self.archive
         least = -math.inf if min_fitness is None else min_fitness
@@ -228,13 +228,13 @@ class StoredRun:
         """Return a behavior; the arguments are those of `pga_me_ros.client.RepertoireClient.get_behavior`.
 
         Args:
-            descriptor: d numbers: the behavior nearest to it.
-            cell: Number of a cell: the behavior of this cell.
-            best: The fittest; also if nothing else is asked for.
-            random: Any.
-            max_distance: Greatest distance to `descriptor`, None for any.
-            min_fitness: Least fitness, None for any.
-            by_mean: Whether fitness and descriptor mean those over re-evaluations; behaviors without any are left out.
+            descriptor: d numbers; chooses the behavior nearest to it.
+            cell: Number of a cell; chooses the behavior of this cell.
+            best: Chooses the fittest behavior; the default.
+            random: Chooses a random behavior.
+            max_distance: Maximum distance to `descriptor`, None for any.
+            min_fitness: Minimum fitness, None for any.
+            by_mean: Whether to judge behaviors by their means over re-evaluations; those without any are left out.
 
         Raises:
             RequestError: More than one way to choose is given, or the descriptor has the wrong length.
@@ -259,7 +259,7 @@ class StoredRun:
             return self.behavior(int(cells[0]), float(distances[0]))
         if cell is not None:
             return self.behavior(choices.of_cell(cell))
-        if random:  # what is looked at next is no part of a run, so it need not be repeatable
+        if random:  # not part of a run, so it need not be repeatable
             return self.behavior(choices.any(np.random.default_rng()))
         return self.behavior(choices.fittest())
 
@@ -269,5 +269,5 @@ def _settings(file: Path, info: RunInfo) -> Settings:
         return Settings.from_stored(info.settings)
     except SettingsError as error:
         raise StorageError(
-            f"The settings of '{file}' cannot be read ({error}). Use the pga_me_ros that made it."
+            f"The settings of '{file}' cannot be read ({error}). Use the pga_me_ros that wrote it."
         ) from None

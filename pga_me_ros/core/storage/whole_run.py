@@ -1,4 +1,4 @@
-"""A repertoire file written at once, for a search that ran without one."""
+"""Writing the repertoire file of a search that ran without one."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ def store_whole_run(
     metrics: Sequence[Metrics],
     rates: Mapping[str, Any],
 ) -> None:
-    """Make a repertoire file of an archive and the metrics that led to it.
+    """Make a repertoire file of an archive and the metrics of its generations.
 
-    What only the generations themselves knew is left out: the elites that were replaced, and with them the best and the
-    worst elite of every generation but the last.
+    It lacks what can no longer be known: the elites that were replaced, and so the best and the worst elite of every
+    generation but the last.
 
     Args:
         path: The file; its folder is made if absent.
         info: Identity of the run.
         archive: The archive after the last generation.
         metrics: Metrics of every generation, at least one.
-        rates: The rates in force, stored with every generation.
+        rates: The rates, stored with every generation.
 
     Raises:
         StorageError: The file exists or cannot be written.

@@ -80,7 +80,7 @@ def test_a_file_of_another_version_is_told_apart_from_a_damaged_one(saved):
     content[7:8] = b"2"
     saved.write_bytes(content)
     for read in (load_checkpoint, checkpoint_shapes):
-        with pytest.raises(StorageError, match=r"critic\.ckpt has version '2'.* reads '1'"):
+        with pytest.raises(StorageError, match=r"critic\.ckpt has layout version '2'.* reads '1'"):
             read(saved)
 
 
@@ -96,7 +96,7 @@ def test_shapes_are_told_by_the_beginning_of_the_file(saved):
 def test_a_pickle_is_refused_and_not_run(tmp_path):
     path = tmp_path / "foreign"
     path.write_bytes(pickle.dumps({"weights": [1.0]}))
-    with pytest.raises(StorageError, match="no checkpoint of this program"):
+    with pytest.raises(StorageError, match="not a checkpoint of this program"):
         load_checkpoint(path)
 
 
@@ -117,7 +117,7 @@ def test_a_failed_write_leaves_the_old_checkpoint(saved):
 
 
 def test_meta_that_json_cannot_hold_is_refused(tmp_path):
-    with pytest.raises(StorageError, match="no JSON"):
+    with pytest.raises(StorageError, match="not JSON"):
         save_checkpoint(tmp_path / "f", {}, {"weights": np.zeros(3)})
 
 

@@ -160,7 +160,7 @@ def _other_version(path: Path) -> None:
         (lambda path: path.write_text("hello"), "not a repertoire"),
         (lambda path: path.write_bytes(b"\x80\x04cos\nsystem\n."), "not a repertoire"),
         (_foreign_database, "SQLite database, but not a repertoire"),
-        (_other_version, "schema version 99, this one reads 1"),
+        (_other_version, "schema version 99, but this program reads 1"),
     ],
 )
 def test_what_is_no_repertoire_of_this_version_is_refused(
