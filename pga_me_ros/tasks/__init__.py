@@ -1,1 +1,1 @@
-"""The simulated robots: the task protocol, the QD locomotion tasks and rollouts; never ROS."""
+"""Simulated robots: the task protocol, the QD locomotion tasks and rollouts. Imports no ROS."""

@@ -1,4 +1,4 @@
-"""A task's robot as it stands in PyBullet, for whoever shows it; no part of what an evaluation needs."""
+"""A task's robot in PyBullet, for programs that show it; evaluations do not need it."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ from dataclasses import dataclass, field
 
 @dataclass(frozen=True)
 class Body:
-    """Where a task's robot is to be found. A task that is to be played or drawn returns one as its `body`.
+    """Where to find a task's robot. A task that can be played or drawn has one as its `body`.
 
     Attributes:
         client: Id of the PyBullet client.
         robot: Body id of the robot.
         torso: Link index of the part whose pose is the robot's, -1 for the base. Links between it and the base, such as
-            the slides of a robot that runs in a plane, are not drawn.
+            the slides of a planar robot, are not drawn.
         model_path: File that the robot was loaded from.
-        efforts: Greatest torque or force by joint name, N·m or N; empty where unknown.
+        efforts: Maximum torque or force by joint name, N·m or N; empty if unknown.
     """
 
     client: int

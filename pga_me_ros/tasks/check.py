@@ -1,4 +1,4 @@
-"""Tell users what is wrong with a task of their own.
+"""A checker that tells users what is wrong with their own task.
 
 ``python -m pga_me_ros.tasks.check my_package.my_module:MyTask`` prints every finding; the exit
 status is 1 if there are any.
@@ -24,7 +24,7 @@ _STEPS = 60
 
 
 def check_task(task_class: Any) -> list[str]:
-    """Run a task through what the protocol asks of it.
+    """Check that a task follows the protocol.
 
     Starts the simulator twice and runs a few short episodes and a whole one with random and zero actions.
 
@@ -57,7 +57,7 @@ def _check_class(task_class: Any) -> list[str]:
     findings = []
     if not isinstance(getattr(task_class, "spec", None), TaskSpec):
         findings.append(
-            "class attribute 'spec' is missing or no TaskSpec; build one and assign it in the class"
+            "class attribute 'spec' is missing or not a TaskSpec; build one and assign it in the class"
         )
     for name in _METHODS:
         if not callable(getattr(task_class, name, None)):
@@ -66,7 +66,7 @@ def _check_class(task_class: Any) -> list[str]:
 
 
 def _check_first_steps(task: Any) -> list[str]:
-    """Check the types, shapes and ranges of what each method gives."""
+    """Check the types, shapes and ranges of what each method returns."""
     spec: TaskSpec = task.spec
     observation, finding = _attempt("reset(rng)", lambda: task.reset(_rng(0)))
     if finding:
@@ -134,8 +134,8 @@ def _check_episodes(task: Any, task_class: type[Any]) -> list[str]:
     findings += _check_step_descriptor(task.spec, runs["other"])
     if runs["first"] != runs["again"]:
         findings.append(
-            "equal generators and actions gave different episodes after others had run; let reset "
-            "restore everything and draw from its rng alone"
+            "equal generators and actions gave different episodes after others had run; reset must "
+            "restore everything and draw only from its rng"
         )
     fresh, finding = _attempt("a second __init__()", task_class)
     if fresh is None:
@@ -155,13 +155,13 @@ def _check_episodes(task: Any, task_class: type[Any]) -> list[str]:
 
 
 def _check_step_descriptor(spec: TaskSpec, episode: Episode) -> list[str]:
-    """Check that the descriptor is the mean of the observation entries that the spec says it is the mean of."""
+    """Check that the descriptor is the mean of the observation entries named by the spec."""
     columns = [spec.observation_names.index(name) for name in spec.step_descriptor_names]
     if not columns:
         return []
     shown = episode.states[1 + spec.step_descriptor_delay :, columns].astype(np.float64)
     total = episode.length * episode.descriptor
-    # The last step's share is not shown where observations are late; it has to be one that a step can have.
+    # If observations are late, none shows the last step; what is left for it must be a possible value.
     low, high = (
         shown.sum(axis=0) + spec.step_descriptor_delay * np.array(bound)
         for bound in (spec.descriptor_low, spec.descriptor_high)
@@ -200,7 +200,7 @@ def _check_non_finite_actions(task: Any) -> list[str]:
         return [f"step with a NaN action raised {_text(error)}; raise NonFiniteActionError"]
     else:
         return [
-            "step accepted an action of NaN; raise NonFiniteActionError, leave the world as it is"
+            "step accepted an action of NaN; raise NonFiniteActionError and leave the world as it is"
         ]
     after, finding = _attempt("an episode after a NaN action", lambda: _episode(task, 1))
     if after is None:
@@ -230,7 +230,7 @@ def _text(error: BaseException) -> str:
 
 
 def _type(value: Any) -> str:
-    """Return the name of a value's type, with its module where that is needed: numpy.bool is not bool."""
+    """Return the name of a value's type, with its module unless it is built in: numpy.bool is not bool."""
     kind = type(value)
     return kind.__name__ if kind.__module__ == "builtins" else f"{kind.__module__}.{kind.__name__}"
 
@@ -240,7 +240,7 @@ def _rng(seed: int) -> np.random.Generator:
 
 
 def main(arguments: list[str]) -> int:
-    """Check the tasks that are named on the command line and print what is wrong with them."""
+    """Check the tasks named on the command line and print what is wrong with them."""
     if not arguments:
         print(
             "usage: python -m pga_me_ros.tasks.check TASK ...  (built-in name or module.path:Class)"

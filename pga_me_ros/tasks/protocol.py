@@ -1,8 +1,8 @@
-"""The task protocol: what a simulated robot must offer so that a repertoire can be grown for it.
+"""The task protocol: what a simulated robot must provide to grow a repertoire for it.
 
-To add a robot, write a class with these five methods and a `spec`, name it
-``my_package.my_module:MyTask`` wherever a task is asked for, and let
-`pga_me_ros.tasks.check.check_task` say what is wrong with it. No base class is needed.
+To add a robot, write a class with these five methods and a `spec`. Use its name
+``my_package.my_module:MyTask`` wherever a task is expected, and
+`pga_me_ros.tasks.check.check_task` to find out what is wrong with it. No base class is needed.
 """
 
 from __future__ import annotations
@@ -17,24 +17,24 @@ from pga_me_ros.tasks.spec import TaskSpec
 
 
 class NonFiniteActionError(TaskError):
-    """An action holds NaN or infinity; it was not applied, and the task stays sound."""
+    """An action holds NaN or infinity; it was not applied, and the task remains usable."""
 
 
 class DivergedError(TaskError):
-    """The simulation left the finite numbers; the next reset starts a sound episode."""
+    """The simulation reached NaN or infinity; the next reset starts a normal episode."""
 
 
 class Task(Protocol):
     """A simulated robot with a fitness and a behavior descriptor.
 
     Contract beyond the signatures:
-        * An episode depends on `reset`'s generator and its actions alone, never on what ran before
-          it in the process: equal generators and actions give equal bits in a fresh world and in
+        * An episode depends only on `reset`'s generator and the actions, never on what ran before it
+          in the process: equal generators and actions give equal bits in a fresh world and in
           the thousandth episode.
         * Random draws come from that generator only.
         * Modules load without a simulator: import it in ``__init__``, because nodes that never
           simulate read `spec`.
-        * Several tasks may live in one process; each has a world of its own.
+        * Several tasks may live in one process, each with its own world.
     """
 
     spec: ClassVar[TaskSpec]
@@ -43,7 +43,7 @@ class Task(Protocol):
         """Start the simulator.
 
         Args:
-            render: Whether to open a window. A task that cannot draw may leave the argument out.
+            render: Whether to open a window. A task that cannot draw may omit the argument.
         """
         ...
 
@@ -66,8 +66,8 @@ class Task(Protocol):
 
         Returns:
             The next observation, (observation_dim,) float32; the reward of this step; and whether
-            the robot failed (fell). The time limit is not a failure: whoever counts the steps ends
-            the episode.
+            the robot failed (fell). The time limit is not a failure: the caller counts the steps and
+            ends the episode.
 
         Raises:
             NonFiniteActionError: The action holds NaN or infinity. The world is left as it was.

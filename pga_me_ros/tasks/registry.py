@@ -18,7 +18,7 @@ BUILT_IN = {
 
 
 def load_task(name: str) -> type[Task]:
-    """Return the class of a task; no simulator is started or imported for it.
+    """Return the class of a task, without starting or importing a simulator.
 
     Args:
         name: A key of `BUILT_IN`, or ``module.path:Class`` for a class on the Python path.
@@ -49,7 +49,7 @@ def make_task(name: str) -> Task:
     """Return a task that is ready for episodes; its simulator is started.
 
     Raises:
-        TaskError: As in `load_task`, or its class raises when it is called without arguments.
+        TaskError: As for `load_task`; also if its class raises when it is called without arguments.
     """
     task_class = load_task(name)
     try:

@@ -13,24 +13,24 @@ from pga_me_ros.tasks.protocol import DivergedError, Task
 from pga_me_ros.tasks.spec import TaskSpec
 
 LARGEST_REWARD = float(np.finfo(np.float32).max)
-"""Greatest reward of a step, in absolute value: the replay buffer and the messages hold float32."""
+"""Largest absolute reward of a step: the replay buffer and the messages hold float32."""
 
 
 @dataclass(frozen=True, eq=False)
 class Episode:
     """What happened in one episode of T steps.
 
-    Transition t is (states[t], actions[t], rewards[t], states[t + 1]). The arrays are copies: whoever gave them may use
-    theirs again.
+    Transition t is (states[t], actions[t], rewards[t], states[t + 1]). The arrays are copies, so callers may reuse
+    theirs.
 
     Attributes:
         states: (T + 1, observation_dim) float32, the first from the reset.
-        actions: (T, action_dim) float32, as the controller gave them.
+        actions: (T, action_dim) float32, as the controller returned them.
         rewards: (T,) float32.
-        fitness: Sum of the rewards in float64 in the order of the steps, before they were rounded
-            to float32.
+        fitness: Sum of the rewards in float64, in the order of the steps, before rounding them to
+            float32.
         descriptor: (descriptor_dim,) float64.
-        terminated: Whether the robot fell, be it in the last allowed step; False when only the time
+        terminated: Whether the robot fell, even in the last allowed step; False if only the time
             limit ended it.
     """
 
@@ -42,13 +42,13 @@ class Episode:
     terminated: bool
 
     def __post_init__(self) -> None:
-        """Copy what came from users' code, or is a part of a longer array that would be kept in memory with it."""
+        """Copy arrays that come from users' code, or that would keep a longer array in memory."""
         for name in ("states", "actions", "rewards"):
             object.__setattr__(self, name, np.array(getattr(self, name), np.float32))
         object.__setattr__(self, "descriptor", np.array(self.descriptor, np.float64))
 
     def __eq__(self, other: object) -> bool:
-        """Return whether two episodes are equal, bit for bit but for the sign of zeros."""
+        """Return whether two episodes are equal, bit for bit except for the sign of zeros."""
         if not isinstance(other, Episode):
             return NotImplemented
         return (self.fitness, self.terminated) == (other.fitness, other.terminated) and all(
@@ -72,8 +72,8 @@ def rollout(
 ) -> Episode:
     """Run one episode.
 
-    A simulation that leaves the finite numbers ends the episode as a fall before the step in which
-    it did so. A reward beyond float32 counts as not finite.
+    If the simulation reaches NaN or infinity, the episode ends as a fall before that step. A reward
+    beyond float32 counts as not finite.
 
     Args:
         task: The task; its earlier episodes do not matter.
@@ -83,12 +83,12 @@ def rollout(
         max_steps: Time limit, steps; the task's by default.
 
     Raises:
-        TaskError: `max_steps` is below 1, or the task gave an observation or a descriptor of the wrong shape or a
+        TaskError: `max_steps` is below 1, or the task returned an observation or a descriptor of the wrong shape or a
             descriptor that is not finite, or called sys.exit.
-        NonFiniteActionError: The controller gave NaN or infinity. The task's next episode is not
-            affected.
-        DivergedError: The task gave NaN, infinity or a reward beyond float32 without ending the
-            episode, or in its first step.
+        NonFiniteActionError: The controller returned NaN or infinity. The task's next episode is
+            not affected.
+        DivergedError: The task returned NaN, infinity or a reward beyond float32 without ending
+            the episode, or in its first step.
     """
     spec = task.spec
     limit = spec.max_steps if max_steps is None else max_steps
@@ -144,7 +144,7 @@ def _episode(
 
 
 def _put(states: Float32Array, step: int, observation: Float32Array, spec: TaskSpec) -> None:
-    """Copy an observation into its row; NumPy alone would fill the row with a single number."""
+    """Copy an observation into its row; without the check, NumPy would broadcast a single number."""
     if np.shape(observation) != states.shape[1:]:
         raise TaskError(
             f"{spec.name} gave an observation of shape {np.shape(observation)} in step {step}; "

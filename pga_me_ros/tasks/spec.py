@@ -1,4 +1,4 @@
-"""What a task is made of: names, units, limits and sizes, without starting a simulator."""
+"""Description of a task: names, units, limits and sizes, available without a simulator."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ class TaskSpec:
         observation_units: Unit of each entry, ``""`` for a pure number.
         action_names: One name per entry of the action, in its order.
         action_units: Unit of each entry.
-        action_low: Least useful value of each action entry; a controller's tanh gives -1.
-        action_high: Greatest useful value of each action entry.
+        action_low: Lowest useful value of each action entry; a controller's tanh gives -1.
+        action_high: Highest useful value of each action entry.
         descriptor_names: One name per descriptor dimension.
         descriptor_low: Lower bound of each descriptor dimension.
         descriptor_high: Upper bound of each descriptor dimension.
@@ -35,7 +35,7 @@ class TaskSpec:
         archive_cells: Default number of cells of a CVT archive.
         archive_bins: Default number of bins per descriptor dimension of a grid archive.
         step_descriptor_names: One observation entry per descriptor dimension, whose mean over an episode's steps is its
-            descriptor; empty if the descriptor is of another kind. Algorithm `qd_rl` needs them.
+            descriptor; empty if the descriptor is something else. Algorithm `qd_rl` needs them.
         step_descriptor_delay: 0 if the observation that a step returns shows what the step adds to these means, 1 if
             that of the step after it does.
 
@@ -61,7 +61,7 @@ class TaskSpec:
     step_descriptor_delay: int = 0
 
     def __post_init__(self) -> None:
-        """Check every field, so that a spec that exists is a valid one."""
+        """Check every field, so that every spec that exists is valid."""
         if not isinstance(self.name, str) or not self.name:
             raise TaskError(f"TaskSpec.name is {self.name!r}; expected a non-empty string")
         for field in _NAMES:
@@ -105,7 +105,7 @@ class TaskSpec:
 
         Args:
             fields: One entry per field of the dataclass, sequences as lists; those that have defaults may be missing,
-                as in what an older version wrote.
+                as in files of older versions.
 
         Raises:
             TaskError: A field is missing, unknown or invalid.
@@ -169,7 +169,7 @@ class TaskSpec:
         for name in names:
             if name not in self.observation_names:
                 raise TaskError(
-                    f"TaskSpec.step_descriptor_names has '{name}', which is no entry of the observation"
+                    f"TaskSpec.step_descriptor_names has '{name}', which is not an entry of the observation"
                     f"{nearest_name(name, self.observation_names)}"
                 )
         if type(delay) is not int or delay not in (0, 1):
@@ -179,4 +179,4 @@ class TaskSpec:
 OPTIONAL_FIELDS = frozenset(
     field.name for field in dataclasses.fields(TaskSpec) if field.default is not dataclasses.MISSING
 )
-"""Fields that a task may leave out, and that specs which an older version wrote lack."""
+"""Fields that a task may omit, and that specs written by older versions lack."""

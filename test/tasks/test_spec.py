@@ -41,7 +41,7 @@ def test_json_round_trip_gives_the_same_spec(name: str) -> None:
         ("control_period", 0.0, "above 0"),
         ("control_period", 1, "expected a float"),
         ("step_descriptor_names", ("x", "y"), "2 entries; expected 1"),
-        ("step_descriptor_names", ("z",), "no entry of the observation"),
+        ("step_descriptor_names", ("z",), "not an entry of the observation"),
         ("step_descriptor_delay", 2, "expected 0 or 1"),
         ("step_descriptor_delay", True, "expected 0 or 1"),
     ],
