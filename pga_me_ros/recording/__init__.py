@@ -1,1 +1,1 @@
-"""Experience and metrics of a run in rosbag2 folders: written while it is under way, and read again."""
+"""Experience and metrics of a run in rosbag2 folders: written during the run, and read back."""

@@ -17,14 +17,14 @@ from pga_me_ros.errors import PgaError, StorageError
 from pga_me_ros.recording.definitions import definition
 
 DIGEST = "sha256 of "
-"""Before a topic's name: key under which the metadata keep the digest of all its messages, since MCAP files as rosbags
-writes them have no checksums."""
+"""Key prefix in the metadata, followed by a topic's name: the digest of all its messages, because the MCAP files that
+rosbags writes have no checksums."""
 
 FORMAT_VERSION = 9
-"""Version of the rosbag2 folder: that of ROS 2 Jazzy."""
+"""Version of the rosbag2 format, as in ROS 2 Jazzy."""
 
 FOREVER = (9223372036, 854775807)
-"""Seconds and nanoseconds by which rosbag2 says that there is no limit."""
+"""Seconds and nanoseconds that mean "no limit" to rosbag2."""
 
 
 class Message(NamedTuple):
@@ -34,7 +34,7 @@ class Message(NamedTuple):
         topic: Full name of its topic.
         type_name: Type, for example ``pga_me_msgs/msg/Metrics``.
         time: When it was recorded [ns since 1970].
-        data: Serialised message.
+        data: Serialized message.
     """
 
     topic: str
@@ -44,14 +44,14 @@ class Message(NamedTuple):
 
 
 class BagWriter:
-    """A new recording. Without `close` it is none: its metadata are written last.
+    """A new recording. It is incomplete until `close` writes the metadata.
 
     Args:
         path: Its folder, which must not exist.
 
     Attributes:
-        messages: Messages written so far.
-        size: Their bytes.
+        messages: Number of messages written so far.
+        size: Their size in bytes.
 
     Raises:
         StorageError: The folder exists or cannot be made.
@@ -82,7 +82,7 @@ class BagWriter:
         Args:
             topic: Full name.
             type_name: Its type.
-            offered: What its publishers offer; a player offers the same.
+            offered: Quality of service of its publishers, which a player offers, too.
 
         Raises:
             StorageError: The type is not installed.
@@ -99,12 +99,12 @@ class BagWriter:
         self._digests[topic] = hashlib.sha256()
 
     def write(self, topic: str, data: bytes) -> None:
-        """Add a serialised message of a topic that was added, as received now.
+        """Add a serialized message of a topic that was added, with the present time.
 
         Raises:
-            StorageError: It cannot be written.
+            StorageError: The message cannot be written.
         """
-        # A clock that was set back must not change the order, of which the digest is made.
+        # A clock that was set back must not change the order, on which the digest depends.
         self._last = max(time.time_ns(), self._last + 1)
         with self._faults():
             self._writer.write(self._connections[topic], self._last, data)
@@ -116,7 +116,7 @@ class BagWriter:
         """Write the index and the metadata.
 
         Raises:
-            StorageError: They cannot be written.
+            StorageError: The files cannot be written.
         """
         for topic, digest in self._digests.items():
             self._writer.set_custom_data(f"{DIGEST}{topic}", digest.hexdigest())
@@ -151,15 +151,15 @@ class BagWriter:
 
 
 def read_bag(path: Path, type_names: Iterable[str]) -> Iterator[Message]:
-    """Yield a recording's messages of some types, in the order in which they were recorded.
+    """Yield a recording's messages of some types, in the order they were recorded.
 
     Args:
         path: Folder of a recording, of `BagWriter` or of ``ros2 bag record``.
-        type_names: Types that are wanted; others are ignored.
+        type_names: Types to return; others are ignored.
 
     Raises:
-        StorageError: The bag is no recording, was not closed, is damaged, or its types are other versions than those
-            installed. Damage within messages is found after the last one, where the recording has digests.
+        StorageError: The bag is not a recording, was not closed, is damaged, or has other versions of its types than
+            those installed. If the recording has digests, damage within messages is found after the last one.
         PgaError: The rosbags package is not installed.
     """
     rosbags = require_rosbags()
@@ -171,8 +171,8 @@ def read_bag(path: Path, type_names: Iterable[str]) -> Iterator[Message]:
             for c in connections:
                 if c.digest and c.digest != wanted[c.msgtype].digest:
                     raise StorageError(
-                        f"'{path}' holds {c.msgtype} with other fields than those installed here; read it with the "
-                        "pga_me_msgs that it was recorded with."
+                        f"'{path}' holds {c.msgtype} with other fields than the type installed here; read it with the "
+                        "pga_me_msgs that recorded it."
                     )
             digests = {c.topic: hashlib.sha256() for c in connections}
             for connection, stamp, data in reader.messages(connections) if connections else ():
@@ -181,10 +181,10 @@ def read_bag(path: Path, type_names: Iterable[str]) -> Iterator[Message]:
             known = _custom_data(path)
             for topic, digest in digests.items():
                 if known.get(f"{DIGEST}{topic}", digest.hexdigest()) != digest.hexdigest():
-                    raise _damaged(path, f"messages of {topic} are not those that were recorded")
+                    raise _damaged(path, f"messages of {topic} are not as they were recorded")
     except (PgaError, GeneratorExit):
         raise
-    except Exception as error:  # a damaged file leads the reader anywhere
+    except Exception as error:  # a damaged file may make the reader raise anything
         raise _damaged(path, f"{type(error).__name__}: {error}") from error
 
 
@@ -192,7 +192,7 @@ def topics(path: Path) -> dict[str, str]:
     """Return the types of a recording's topics by name.
 
     Raises:
-        StorageError: The bag is no recording, was not closed, or is damaged.
+        StorageError: The bag is not a recording, was not closed, or is damaged.
         PgaError: The rosbags package is not installed.
     """
     rosbags = require_rosbags()
@@ -200,7 +200,7 @@ def topics(path: Path) -> dict[str, str]:
     try:
         with rosbags.rosbag2.Reader(path) as reader:
             return {c.topic: c.msgtype for c in reader.connections}
-    except Exception as error:  # a damaged file leads the reader anywhere
+    except Exception as error:  # a damaged file may make the reader raise anything
         raise _damaged(path, f"{type(error).__name__}: {error}") from error
 
 
@@ -216,17 +216,17 @@ def require_rosbags() -> ModuleType:
         import rosbags.rosbag2
     except ImportError as error:
         raise PgaError(
-            f"Recordings need the Python package rosbags, which is not here ({error}); install it with "
-            "`pip install rosbags`, or use `ros2 bag record` where there is rosbag2."
+            f"Recordings need the Python package rosbags, which is not installed ({error}); install it with "
+            "`pip install rosbags`, or use `ros2 bag record` if you have rosbag2."
         ) from None
     return rosbags
 
 
 def _require_folder(path: Path) -> None:
-    """Say what is wrong with a path that cannot be a recording.
+    """Make sure that a path can be a recording.
 
     Raises:
-        StorageError: Something is.
+        StorageError: There is no such folder, or it has no metadata.
     """
     if not path.exists():
         raise StorageError(f"There is no recording '{path}'; give the folder that `record` made.")
@@ -234,11 +234,11 @@ def _require_folder(path: Path) -> None:
         return
     if path.is_dir() and any(path.glob("*.mcap")):
         raise StorageError(
-            f"The recording '{path}' was not closed, as its program was killed: metadata.yaml is missing. "
-            "`mcap recover` and `ros2 bag reindex` mend such a file."
+            f"The recording '{path}' was not closed because its program was killed: metadata.yaml is missing. "
+            "`mcap recover` and `ros2 bag reindex` can repair it."
         )
     raise StorageError(
-        f"'{path}' is no recording: it has no metadata.yaml; give the folder that `record` made."
+        f"'{path}' is not a recording: it has no metadata.yaml; give the folder that `record` made."
     )
 
 

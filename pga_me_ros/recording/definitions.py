@@ -1,4 +1,4 @@
-"""What a recording says about its message types, so that it can be read where they are not installed."""
+"""Definitions of message types, stored in recordings so that they can be read where the types are not installed."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ class MessageDefinition:
     """A message type as rosbag2 stores it.
 
     Attributes:
-        text: Its .msg file with all comments, and those of the types that it is made of.
-        digest: Hash of its fields (REP 2011): equal exactly if messages can be exchanged.
+        text: Its .msg file with all comments, and those of the types it contains.
+        digest: Hash of its fields (REP 2011): equal if and only if the types are compatible.
     """
 
     text: str

@@ -1,4 +1,4 @@
-"""The episodes of a recorded run: each evaluation once, in evaluation order, whatever order they came in."""
+"""The episodes of a recorded run: each evaluation once, in evaluation order."""
 
 from __future__ import annotations
 
@@ -26,16 +26,16 @@ TRANSITIONS, METRICS = type_name(Transitions), type_name(Metrics)
 
 @dataclass(frozen=True)
 class RecordedRun:
-    """What a recording has of one run.
+    """What a recording contains of one run.
 
     Attributes:
         bag: The recording.
-        run_id: Run.
+        run_id: Id of the run.
         task: Name of its task.
-        heads: What each episode is, in evaluation order, each evaluation once.
-        repeated: Messages beyond the first of an evaluation.
-        differing: Evaluations of which there are different episodes; the last one counts.
-        missing: Evaluations that should be there but are not, as `SeenEpisodes.missing` says.
+        heads: Head of each episode, in evaluation order, each evaluation once.
+        repeated: Number of messages beyond the first of each evaluation.
+        differing: Evaluations with different episodes; the last one counts.
+        missing: Evaluations that should be there but are not, as returned by `SeenEpisodes.missing`.
     """
 
     bag: Path
@@ -47,7 +47,7 @@ class RecordedRun:
     missing: tuple[int, ...]
 
     def newest(self, transitions: int) -> tuple[EpisodeHead, ...]:
-        """Return the newest episodes that make up so many transitions, or all, in evaluation order."""
+        """Return the newest episodes that have at least this many transitions together, or all, in evaluation order."""
         first = len(self.heads)
         while first and transitions > 0:
             first -= 1
@@ -60,7 +60,7 @@ class RecordedRun:
         """Read episodes.
 
         Args:
-            heads: Which, in evaluation order.
+            heads: Heads of the episodes to read, in evaluation order.
             spec: The task.
 
         Yields:
@@ -81,15 +81,16 @@ class RecordedRun:
 
 
 def recorded_run(bag: Path, run_id: str = "") -> RecordedRun:
-    """Find out which episodes a recording has.
+    """Find out which episodes a recording contains.
 
     Args:
         bag: Folder of the recording.
-        run_id: Run; empty for the only one that has episodes.
+        run_id: Id of the run; empty for the only one that has episodes.
 
     Raises:
-        StorageError: The bag is no recording, or damaged.
-        RequestError: The bag has no episodes of that run, or of several, or an evaluation is of two generations.
+        StorageError: The bag is not a recording, or damaged.
+        RequestError: There are no episodes of that run, or no `run_id` is given and there are several runs, or an
+            evaluation belongs to two generations.
     """
     heads: dict[str, dict[int, EpisodeHead]] = {}
     seen: dict[str, SeenEpisodes] = {}
@@ -120,23 +121,21 @@ def recorded_run(bag: Path, run_id: str = "") -> RecordedRun:
 
 
 def _chosen(bag: Path, counts: dict[str, int], run_id: str) -> str:
-    """Return the run that is meant.
+    """Return the id of the run to use.
 
     Raises:
-        RequestError: It is not there, or not clear.
+        RequestError: The run is not there, or there are several and none was chosen.
     """
     found = ", ".join(f"{printable(name)} ({count} episodes)" for name, count in counts.items())
     if not counts:
         raise RequestError(
-            f"'{bag}' holds no experience (no message of {TRANSITIONS}); record while a run is under way."
+            f"'{bag}' holds no experience (no message of {TRANSITIONS}); record during a run."
         )
     if run_id and run_id not in counts:
-        raise RequestError(
-            f"'{bag}' holds no experience of run {run_id}; there is that of {found}."
-        )
+        raise RequestError(f"'{bag}' holds no experience of run {run_id}, only of {found}.")
     if not run_id and len(counts) > 1:
         raise RequestError(
-            f"'{bag}' holds experience of several runs: {found}; choose one by --run-id."
+            f"'{bag}' holds experience of several runs: {found}; choose one with --run-id."
         )
     return run_id or next(iter(counts))
 
@@ -168,12 +167,12 @@ def _committed(bag: Path, data: bytes) -> tuple[str, int]:
 def _episode(bag: Path, data: bytes, spec: TaskSpec) -> Episode:
     try:
         return episode_from_msg(deserialize_message(data, Transitions), spec)
-    except Exception as error:  # whatever the middleware makes of bytes that are no message
+    except Exception as error:  # the middleware may raise anything for bytes that are not a message
         raise _unfit(bag, error) from None
 
 
 def _unfit(bag: Path, error: Exception) -> StorageError:
     return StorageError(
         f"The recording '{bag}' holds a message that cannot be used: {printable(str(error))} Restore it from a copy, "
-        "or record anew."
+        "or record again."
     )

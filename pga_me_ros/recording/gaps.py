@@ -1,11 +1,11 @@
-"""Which episodes of a run are in a recording, and which are not."""
+"""Which episodes of a run are in a recording, and which are missing."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 
 SHOWN = 8
-"""Ranges of ids that are named; more are counted."""
+"""Maximum number of ranges that are listed; further ones are counted."""
 
 
 class SeenEpisodes:
@@ -13,8 +13,8 @@ class SeenEpisodes:
 
     Attributes:
         ids: The ids.
-        repeated: Episodes that came although their id was there.
-        committed: Evaluations that the run's archive has: ids below are of finished generations. None while unknown.
+        repeated: Number of episodes whose id had been recorded before.
+        committed: Number of evaluations in the run's archive: lower ids are of finished generations. None if unknown.
     """
 
     def __init__(self) -> None:
@@ -28,10 +28,10 @@ class SeenEpisodes:
         self.ids.add(evaluation)
 
     def missing(self) -> list[int]:
-        """Return the ids between the first that is here and the end of the last finished generation that are not.
+        """Return the missing ids between the first one recorded and the end of the last finished generation.
 
-        What is older than the first was over when the recording began; what is newer may still be simulated. Where no
-        metrics were recorded, nothing tells how far the run had come, and the last id counts as the end.
+        Older episodes were over when the recording began; newer ones may still be in simulation. Without recorded
+        metrics, the last id counts as the end.
         """
         if not self.ids:
             return []
@@ -40,7 +40,7 @@ class SeenEpisodes:
 
 
 def ranges(ids: Iterable[int]) -> str:
-    """Return ascending ids in words, such as ``3, 7-9``."""
+    """Return ascending ids as text, such as ``3, 7-9``."""
     found: list[list[int]] = []
     for k in ids:
         if found and found[-1][1] == k - 1:
@@ -49,4 +49,4 @@ def ranges(ids: Iterable[int]) -> str:
             found.append([k, k])
     words = [f"{a}" if a == b else f"{a}-{b}" for a, b in found[:SHOWN]]
     more = len(found) - len(words)
-    return ", ".join(words) + (f" and {more} ranges more" if more else "")
+    return ", ".join(words) + (f" and {more} more ranges" if more else "")

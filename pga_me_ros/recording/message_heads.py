@@ -1,6 +1,6 @@
-"""The first fields of serialised messages, read without the arrays that follow.
+"""The first fields of serialized messages, read without the arrays that follow.
 
-Who records hundreds of kilobytes per message wants to know whose they are, but not to copy them once more.
+A recorder of messages of hundreds of kilobytes has to know whose they are, without copying them once more.
 """
 
 from __future__ import annotations
@@ -11,11 +11,11 @@ from typing import Any, NamedTuple
 from pga_me_ros.errors import RequestError
 
 PREAMBLE = 4
-"""Bytes before the first field: the encoding. Fields are aligned to what follows it."""
+"""Bytes before the first field: the encoding. The alignment of fields counts from there."""
 
 
 class EpisodeHead(NamedTuple):
-    """What a Transitions message is about: its fields of these names; `steps` is the episode's length."""
+    """The fields of a Transitions message that identify it; `steps` is the episode's length."""
 
     run_id: str
     task: str
@@ -26,10 +26,10 @@ class EpisodeHead(NamedTuple):
 
 
 def episode_head(data: bytes) -> EpisodeHead:
-    """Read the head of a serialised Transitions message.
+    """Read the head of a serialized Transitions message.
 
     Raises:
-        RequestError: The bytes are no such message.
+        RequestError: The bytes are not such a message.
     """
     fields = _HeadFields(data)
     run_id, task, _evaluator = fields.string(), fields.string(), fields.string()
@@ -40,10 +40,10 @@ def episode_head(data: bytes) -> EpisodeHead:
 
 
 def committed_evaluations(data: bytes) -> tuple[str, int]:
-    """Read from a serialised Metrics message whose run it is of, and how many evaluations are in its archive.
+    """Return run id and number of evaluations in the archive from a serialized Metrics message.
 
     Raises:
-        RequestError: The bytes are no such message.
+        RequestError: The bytes are not such a message.
     """
     fields = _HeadFields(data)
     fields.number("i"), fields.number("I")  # stamp
@@ -53,17 +53,17 @@ def committed_evaluations(data: bytes) -> tuple[str, int]:
 
 
 class _HeadFields:
-    """Reads CDR fields one after the other, as ROS 2 middleware writes them."""
+    """Reads CDR fields one after the other, as written by ROS 2 middleware."""
 
     def __init__(self, data: bytes) -> None:
         if len(data) < PREAMBLE or data[0] != 0 or data[1] not in (0, 1):
-            raise RequestError("A message is not serialised as ROS 2 does (CDR).")
+            raise RequestError("A message is not serialized the way ROS 2 does it (CDR).")
         self._data = data
         self._order = "<" if data[1] else ">"
         self._at = PREAMBLE
 
     def number(self, code: str) -> Any:
-        """Return the next number, `code` as in `struct`."""
+        """Return the next number; `code` as in `struct`."""
         size = struct.calcsize(f"={code}")
         self._align(size)
         try:
@@ -83,7 +83,7 @@ class _HeadFields:
         return text[:-1].decode(errors="replace")
 
     def skip_doubles(self) -> None:
-        """Pass over a sequence of float64."""
+        """Skip a sequence of float64."""
         count = self.number("I")
         if count:
             self._align(8)

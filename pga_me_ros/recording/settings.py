@@ -9,10 +9,10 @@ from pga_me_ros.core.settings.field import setting
 
 @dataclass(frozen=True)
 class RecorderSettings:
-    """What is recorded where."""
+    """What is recorded, and where."""
 
     bag: str = setting(
         "",
-        "Folder of the recording, which must not exist; empty for recording- and the time.",
+        "Folder of the recording, which must not exist; empty for recording-TIME.",
         path=True,
     )

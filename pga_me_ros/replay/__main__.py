@@ -1,4 +1,4 @@
-"""``ros2 run pga_me_ros replay BAG``: what was recorded trains critics, restores a run, or is published again."""
+"""``ros2 run pga_me_ros replay BAG``: trains critics on a recording, restores a run from it, or publishes it again."""
 
 from __future__ import annotations
 
@@ -27,17 +27,17 @@ from pga_me_ros.tasks.registry import task_spec
 ROS_ARGS = "--ros-args"
 
 OF_NETWORKS = ("task", "seed", "controller_hidden")
-"""What a training takes of another run, besides the settings of its critics."""
+"""Settings that a training takes from another run, besides those of its critics."""
 
 TIMING = ("schedule", "critic_start")
-"""Settings of critics that say when they are trained, which a recording has no use for."""
+"""Settings of critics that decide when they are trained, which do not apply to a recording."""
 
 
 def main(args: Sequence[str] | None = None) -> int:
-    """Do with a recording what the command line asks for, and say what was done.
+    """Process a recording as the command line says, and print what was done.
 
     Args:
-        args: Command line without the program's name, None for the process's own.
+        args: Command line without the program's name, None for that of this process.
 
     Returns:
         Exit status, as `run_program`.
@@ -61,16 +61,18 @@ def train(options: argparse.Namespace) -> str:
     """Train critics as a parsed command line says.
 
     Returns:
-        The outcome, in words.
+        The outcome, as text.
 
     Raises:
-        PgaError: The recording or a setting is not what it has to be.
+        PgaError: The recording or a setting is invalid.
     """
     recorded = recorded_run(options.bag, options.run_id)
     settings = _settings(options, recorded)
     _require_sound(recorded, settings, options)
     spec = task_spec(settings.task)
-    from pga_me_ros.replay.training import train_critics  # torch takes seconds: not for an error
+    from pga_me_ros.replay.training import (
+        train_critics,
+    )  # torch takes seconds to import, so errors come first
 
     done = train_critics(recorded, spec, settings, options.out)
     first, last = done["evaluations"]
@@ -82,10 +84,10 @@ def train(options: argparse.Namespace) -> str:
 
 
 def _settings(options: argparse.Namespace, recorded: RecordedRun) -> Settings:
-    """Return the settings of the training: defaults or a run's, and what the command line says.
+    """Return the settings of the training: defaults or those of a run, changed by the command line.
 
     Raises:
-        SettingsError: A value is wrong.
+        SettingsError: A value is invalid.
         StorageError: The run cannot be read.
     """
     changes: dict[str, Any] = dict(_assignment(text) for text in options.set)
@@ -100,13 +102,13 @@ def _settings(options: argparse.Namespace, recorded: RecordedRun) -> Settings:
     settings = Settings.from_mapping({**base, **changes, "n_crit": options.steps})
     if settings.greedy_init != "random":
         raise SettingsError(
-            f"greedy_init is '{settings.greedy_init}', but there is no archive here; add --set greedy_init=random."
+            f"greedy_init is '{settings.greedy_init}', but a recording has no archive; add --set greedy_init=random."
         )
     return settings
 
 
 def _of_critics(like: Settings) -> dict[str, Any]:
-    """Return the settings of a run that its critics were trained with, by name.
+    """Return the settings with which a run's critics were trained, by name.
 
     Raises:
         SettingsError: The run trains no critics.
@@ -127,28 +129,28 @@ def _assignment(text: str) -> tuple[str, Any]:
     try:
         parsed = yaml.safe_load(value)
     except yaml.YAMLError:
-        raise SettingsError(f"--set {text} has no value that YAML knows.") from None
-    if isinstance(parsed, str):  # YAML takes 1e-4 for a word
+        raise SettingsError(f"--set {text} has a value that is not valid YAML.") from None
+    if isinstance(parsed, str):  # YAML reads 1e-4 as a string
         with contextlib.suppress(ValueError):
             parsed = float(parsed)
     return name, tuple(parsed) if isinstance(parsed, list) else parsed
 
 
 def _require_sound(recorded: RecordedRun, settings: Settings, options: argparse.Namespace) -> None:
-    """Make sure that the recording is of the task and complete, or say what is not.
+    """Make sure that the recording is of the task and complete.
 
     Raises:
-        RequestError: It is of another task, or episodes are missing that were not said to be.
+        RequestError: It is of another task, or episodes are missing and --incomplete is not given.
     """
     if recorded.task != settings.task:
         raise RequestError(
-            f"'{options.bag}' was recorded with task '{recorded.task}', the critics are to be for '{settings.task}'; "
-            "leave out --task and --like, or give those of that task."
+            f"'{options.bag}' was recorded with task '{recorded.task}', but the critics are for '{settings.task}'; "
+            "remove --task and --like, or give those of that task."
         )
     if recorded.differing:
         print(
             f"note: {len(recorded.differing)} evaluations were recorded with different outcomes, as when a generation "
-            f"is done again; the last ones count: {ranges(recorded.differing)}",
+            f"is repeated; the last ones count: {ranges(recorded.differing)}",
             file=sys.stderr,
         )
     if recorded.missing:
@@ -157,7 +159,7 @@ def _require_sound(recorded: RecordedRun, settings: Settings, options: argparse.
         )
         if not options.incomplete:
             raise RequestError(
-                f"'{options.bag}' is not complete; {lost}. --incomplete trains on what is there."
+                f"'{options.bag}' is not complete; {lost}. --incomplete trains on the rest."
             )
         print(f"note: {lost}", file=sys.stderr)
 
@@ -165,8 +167,8 @@ def _require_sound(recorded: RecordedRun, settings: Settings, options: argparse.
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="replay",
-        description="Use a recording of a run's experience: train critics on it, restore the experience files that the "
-        "run has lost, or publish its messages again.",
+        description="Use a recording of a run's experience: train critics on it, restore experience files that the run "
+        "has lost, or publish its messages again.",
     )
     parser.add_argument("bag", type=Path, metavar="BAG", help="folder that `record` made")
     what = parser.add_mutually_exclusive_group(required=True)
@@ -174,7 +176,7 @@ def _parser() -> argparse.ArgumentParser:
         "--out",
         type=Path,
         metavar="FOLDER",
-        help="train critics, and write them into this new folder",
+        help="train critics and write them into this new folder",
     )
     what.add_argument(
         "--into", type=Path, metavar="RUN", help="restore lost experience files of this run"
@@ -186,21 +188,33 @@ def _parser() -> argparse.ArgumentParser:
     training.add_argument("--steps", type=int, default=3000, metavar="N", help="(3000)")
     training.add_argument("--task", default="", help="refuse a recording of any other task")
     training.add_argument(
-        "--like", type=Path, metavar="RUN", help="take the settings of this run, not the defaults"
+        "--like",
+        type=Path,
+        metavar="RUN",
+        help="use the settings of this run instead of the defaults",
     )
     training.add_argument(
         "--set", action="append", default=[], metavar="NAME=VALUE", help="a setting, such as seed=3"
     )
-    training.add_argument("--run-id", default="", metavar="ID", help="run, where there are several")
     training.add_argument(
-        "--incomplete", action="store_true", help="train although episodes are missing"
+        "--run-id", default="", metavar="ID", help="which run, if there are several"
+    )
+    training.add_argument(
+        "--incomplete", action="store_true", help="train even if episodes are missing"
     )
     publishing = parser.add_argument_group("publishing")
     publishing.add_argument(
-        "--rate", type=float, default=1.0, help="times as fast as recorded; 0: without pauses (1)"
+        "--rate",
+        type=float,
+        default=1.0,
+        help="speed relative to the recording; 0: without pauses (1)",
     )
     publishing.add_argument(
-        "--wait", type=float, default=5.0, metavar="SECONDS", help="for a listener, at most (5)"
+        "--wait",
+        type=float,
+        default=5.0,
+        metavar="SECONDS",
+        help="how long to wait for a subscriber (5)",
     )
     return parser
 

@@ -1,4 +1,4 @@
-"""Recorded messages published again, in the order and at the pace in which they came."""
+"""Publishes recorded messages again, in their order and at their original speed."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ OFFERED: dict[str, tuple[type, QoSProfile]] = {
     type_name(Metrics): (Metrics, qos.LATCHED),
     type_name(Progress): (Progress, qos.LATCHED),
 }
-"""What is published, by type, and what is offered: experience as deep as whoever takes it for good."""
+"""Types that are published, with their quality of service: experience in a queue as deep as the trainer's."""
 
 LOOK = 0.02
-"""Seconds between two looks at whether somebody listens: a node that nobody spins hears of no event."""
+"""Seconds between two checks for a subscriber: the node is not spun, so no event tells."""
 
 BURST = 1000
-"""Messages that are published without a look at whether they arrived, which takes a second; a writer keeps more."""
+"""Messages that are published before waiting for acknowledgment, which takes a second; a writer's queue is longer."""
 
 LINGER = 10.0
-"""Seconds that a listener gets to take the last messages."""
+"""Seconds that subscribers get to take the last messages."""
 
 PROGRAM = Program("replay", "Publishes recorded messages again.", ())
 
@@ -43,23 +43,25 @@ def publish(bag: Path, rate: float, wait: float, ros_args: Sequence[str]) -> str
 
     Args:
         bag: The recording.
-        rate: How many times as fast as they came; 0 for without pauses.
-        wait: Seconds to wait for somebody who listens to the experience, where there is some.
+        rate: Speed relative to the recording; 0 for no pauses.
+        wait: Maximum seconds to wait for a subscriber, if the recording has experience.
         ros_args: ``--ros-args`` and what follows, for example to remap topics.
 
     Returns:
-        What was published, in words.
+        What was published, as text.
 
     Raises:
-        StorageError: The bag is no recording, or damaged.
-        RequestError: A number makes no sense, or there is nothing to publish.
-        SettingsError: A ROS argument is wrong.
+        StorageError: The bag is not a recording, or damaged.
+        RequestError: A number is negative, or there is nothing to publish.
+        SettingsError: A ROS argument is invalid.
     """
     if not (0 <= rate < float("inf") and 0 <= wait < float("inf")):
         raise RequestError(f"--rate is {rate} and --wait {wait}; give 0 or more.")
     known = {topic: kind for topic, kind in topics(bag).items() if kind in OFFERED}
     if not known:
-        raise RequestError(f"'{bag}' holds nothing that `record` records: {', '.join(OFFERED)}.")
+        raise RequestError(
+            f"'{bag}' holds none of the types that `record` records: {', '.join(OFFERED)}."
+        )
     start(PROGRAM, ros_args, signal_handler_options=SignalHandlerOptions.NO)
     node = rclpy.create_node("replay")
     try:
@@ -88,7 +90,7 @@ def _await_listener(publishers: Sequence[Publisher], wait: float) -> None:
 
 
 def _publish_all(bag: Path, publishers: dict[str, Publisher], rate: float) -> tuple[int, float]:
-    """Return how many messages were published, and the seconds that it took."""
+    """Return the number of messages published and the seconds it took."""
     began, first, count = time.monotonic(), 0, 0
     for message in read_bag(bag, OFFERED):
         first = first or message.time
@@ -98,6 +100,6 @@ def _publish_all(bag: Path, publishers: dict[str, Publisher], rate: float) -> tu
         publishers[message.topic].publish(message.data)
         count += 1
         if count % BURST == 0:
-            # Without pauses the next ones would push these out before they are sent.
+            # Without pauses, the next ones would displace these in the queue before they are sent.
             publishers[message.topic].wait_for_all_acked(Duration(seconds=LINGER))
     return count, time.monotonic() - began

@@ -1,4 +1,4 @@
-"""A run's experience restored from a recording of it."""
+"""Restores a run's experience from a recording of it."""
 
 from __future__ import annotations
 
@@ -21,22 +21,22 @@ from pga_me_ros.tasks.registry import task_spec
 FOLDER = "experience"
 
 SPARE = 2
-"""Generations older than the replay buffer that a run keeps."""
+"""Number of generations that a run keeps beyond those in the replay buffer."""
 
 
 def restore_experience(bag: Path, run: Path) -> str:
-    """Write the experience files that a run needs and has lost; each is what it was, byte for byte.
+    """Write the experience files that a run needs and has lost, each as it was, byte for byte.
 
     Args:
         bag: Recording of that run.
         run: Its folder.
 
     Returns:
-        What was done, in words.
+        What was done, as text.
 
     Raises:
-        StorageError: The run cannot be read or is in use, or the recording is damaged or not that of the run.
-        RequestError: The recording lacks what is missing.
+        StorageError: The run cannot be read or is in use, or the recording is damaged or of another run.
+        RequestError: The recording lacks episodes that the run has lost.
     """
     stored = StoredRun.load(run, elites=False)
     info, settings = stored.info, stored.settings
@@ -60,7 +60,7 @@ def restore_experience(bag: Path, run: Path) -> str:
             if found != steps[generation]:
                 raise StorageError(
                     f"Generation {generation} has {found} steps in '{bag}', but {steps[generation]} in the run: it was "
-                    "done again after it was recorded."
+                    "repeated after it was recorded."
                 )
             for evaluation, episode in episodes.items():
                 experience.stage(generation, evaluation, algorithm.remembered(episode))
@@ -71,7 +71,7 @@ def restore_experience(bag: Path, run: Path) -> str:
 
 
 def _lost(run: Path, settings: Settings, steps: Sequence[int]) -> list[int]:
-    """Return the generations whose experience a run keeps but has no file of, ascending."""
+    """Return the generations whose experience a run needs but has no file of, ascending."""
     first, transitions = len(steps), 0
     while first and transitions < settings.replay_size:
         first -= 1

@@ -1,4 +1,4 @@
-"""Critics trained on recorded experience alone."""
+"""Trains critics on recorded experience."""
 
 from __future__ import annotations
 
@@ -29,28 +29,30 @@ _ABOUT = ("observation_names", "observation_units", "action_names", "action_unit
 def train_critics(
     recorded: RecordedRun, spec: TaskSpec, settings: Settings, out: Path
 ) -> dict[str, Any]:
-    """Train critics and a greedy controller for n_crit steps on a recording, as a run's own are trained (Alg. 4).
+    """Train critics and a greedy controller for n_crit steps on a recording, as a run does (Alg. 4).
 
-    The outcome is a function of the episodes, the settings and the library versions, bit for bit: episodes enter the
+    The outcome depends only on the episodes, the settings and the library versions, bit for bit: episodes enter the
     replay buffer in evaluation order, and all draws are those of the generation after the last recorded one.
 
     Args:
-        recorded: The recording; what is older than `replay_size` transitions does not count.
+        recorded: The recording; its newest `replay_size` transitions count.
         spec: Its task.
         settings: Seed, layers, rates and number of steps.
-        out: New or empty folder: the critics as a run's checkpoint, the greedy controller as a file that ``start_from``
-            takes, and what is returned.
+        out: New or empty folder for the critics as a run's checkpoint, the greedy controller as a file for
+            ``start_from``, and the returned report.
 
     Returns:
-        What was trained on what, and how it ended, fit for JSON.
+        What was trained on what, and with what outcome, as JSON can hold it.
 
     Raises:
-        StorageError: The recording is damaged, or the folder holds something or cannot be written.
+        StorageError: The recording is damaged, or the folder is not empty or cannot be written.
         NetworkError: The training diverged.
         SettingsError: The device cannot be used here.
     """
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
-        raise StorageError(f"'{out}' is there already and not an empty folder; give another --out.")
+        raise StorageError(
+            f"'{out}' exists already and is not an empty folder; give another --out."
+        )
     make_folder(out)
     learner = CriticLearner(spec, settings)
     heads = recorded.newest(settings.replay_size)
@@ -78,7 +80,7 @@ def train_critics(
 
 
 def _controller(snapshot: Snapshot, spec: TaskSpec) -> dict[str, np.ndarray]:
-    """Return the greedy controller as arrays of an exported repertoire, as far as they are known of it."""
+    """Return the greedy controller in the format of an exported repertoire, without what is unknown of it."""
     shape, parameters = snapshot.network(GREEDY)
     sizes = shape.sizes
     about = spec.to_json()

@@ -125,12 +125,12 @@ def other_fields(bag: Path) -> None:
     ("damage", "said"),
     [
         (absent, "There is no recording"),
-        (no_recording, "is no recording: it has no metadata.yaml"),
+        (no_recording, "is not a recording: it has no metadata.yaml"),
         (not_closed, "was not closed"),
         (cut_short, "is damaged"),
         (a_bit_within_a_message, "messages of /left/repertoire/metrics are not those that were"),
         (no_yaml, "is damaged"),
-        (other_fields, "with other fields than those installed here"),
+        (other_fields, "with other fields than the type installed here"),
     ],
 )
 def test_what_is_no_sound_recording_is_told_in_a_line(bag: Path, damage, said: str) -> None:

@@ -45,5 +45,5 @@ def test_what_is_cut_off_or_no_message_is_refused() -> None:
     for end in range(head_ends):
         with pytest.raises(RequestError):
             episode_head(data[:end])
-    with pytest.raises(RequestError, match="not serialised as ROS 2 does"):
+    with pytest.raises(RequestError, match="not serialized the way ROS 2 does"):
         episode_head(b"\x07\x07\x07\x07" + data[4:])
