@@ -2,5 +2,5 @@
 
 from pga_me_ros.ros.middleware import require_middleware
 
-# Here, before any module of this package imports rclpy, which would end the process.
+# Checked here, before any module of this package imports rclpy, which would end the process.
 require_middleware()

@@ -1,4 +1,4 @@
-"""Command lines of the nodes: help without starting ROS 2, and every mistake told in one line."""
+"""Command lines of the nodes: help without starting ROS 2, and every mistake reported in one line."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ PARAM = ("-p", "--param")
 
 @dataclass(frozen=True)
 class Program:
-    """What a node's executable says about itself.
+    """Description of a node's executable.
 
     Attributes:
         name: Executable and default node name.
-        summary: What it does, in a sentence.
+        summary: One sentence on what it does.
         parameters: Settings dataclasses whose fields are its parameters.
     """
 
@@ -51,18 +51,18 @@ class Program:
 
 
 def start(program: Program, args: Sequence[str] | None = None, **options: Any) -> bool:
-    """Check the command line, then initialize ROS 2; or print the help that it asks for.
+    """Check the command line, then initialize ROS 2, or print the help.
 
     Args:
         program: The executable.
-        args: Command line without the program's name; None takes the process's own.
-        options: More arguments of ``rclpy.init``.
+        args: Command line without the program's name; None for that of this process.
+        options: Further arguments of ``rclpy.init``.
 
     Returns:
-        Whether ROS 2 was initialized and the node is to run.
+        Whether ROS 2 was initialized, so that the node should run.
 
     Raises:
-        SettingsError: An argument, a params file or the environment is wrong.
+        SettingsError: An argument, a params file or the environment is invalid.
     """
     args = list(sys.argv[1:] if args is None else args)
     if any(word in HELP for word in args):
@@ -72,7 +72,7 @@ def start(program: Program, args: Sequence[str] | None = None, **options: Any) -
     prepare_environment()
     set_malloc_limits()
     try:
-        # What rcl logs about bad arguments comes again with the error, where it can be put into words.
+        # What rcl logs about bad arguments is also in its error, which is turned into a readable message.
         set_logger_level("rcl", LoggingSeverity.FATAL)
         rclpy.init(args=[program.name, *args], **options)
     except RuntimeError as error:
@@ -84,10 +84,10 @@ def start(program: Program, args: Sequence[str] | None = None, **options: Any) -
 
 
 def check(program: Program, args: Sequence[str]) -> None:
-    """Refuse arguments that ROS 2 would pass over or complain about in terms of its sources.
+    """Refuse arguments that ROS 2 would ignore or report in terms of its source code.
 
     Raises:
-        SettingsError: An argument is no ROS argument, or a params file is wrong.
+        SettingsError: An argument is not a ROS argument, or a params file is invalid.
     """
     unknown = _outside_ros_args(args)
     if unknown:
@@ -104,7 +104,7 @@ def check(program: Program, args: Sequence[str]) -> None:
                 only = ", ".join(section for section, _ in found)
                 raise SettingsError(
                     f"Params file '{value}' has nothing for node '{node}', only for {only}; "
-                    "name its section '/**' or leave the file out."
+                    "name its section '/**' or remove the file."
                 )
             for section, values in found:
                 if matches(section, node):
@@ -115,7 +115,7 @@ def check(program: Program, args: Sequence[str]) -> None:
 
 
 def node_name(program: Program, args: Sequence[str]) -> str:
-    """Return the fully qualified name that a node will have, as remapped on the command line."""
+    """Return the fully qualified name of a node, as remapped on the command line."""
     namespace, name = "/", program.name
     for word in args:
         rule = re.fullmatch(r"(?:[^:]+:)?__(ns|node|name):=(.+)", word)
@@ -127,7 +127,7 @@ def node_name(program: Program, args: Sequence[str]) -> str:
 
 
 def remappings(args: Sequence[str]) -> list[str]:
-    """Return the arguments that rename topics and services, for other nodes of the same graph to rename them, too."""
+    """Return the arguments that rename topics and services, so that other nodes of the graph can rename them, too."""
     found: list[str] = []
     for flag, rule in pairwise(args):
         if flag in REMAP and not re.fullmatch(r"(?:[^:]+:)?__(ns|node|name):=.*", rule):
@@ -136,15 +136,15 @@ def remappings(args: Sequence[str]) -> list[str]:
 
 
 def _refuse_empty_lists(values: Mapping[str, Any]) -> None:
-    """Refuse empty lists: they have no type, and rclpy ends with a traceback that does not name the parameter.
+    """Refuse empty lists: they have no type, and rclpy's traceback does not name the parameter.
 
     Raises:
-        SettingsError: There is one.
+        SettingsError: A value is an empty list.
     """
     for name, value in values.items():
         if value == []:
             raise SettingsError(
-                f"{name} is an empty list, which ROS 2 cannot pass on; leave it out, or give it entries."
+                f"{name} is an empty list, which ROS 2 cannot pass on; remove it, or give it entries."
             )
 
 
@@ -152,7 +152,7 @@ def _yaml(text: str) -> Any:
     try:
         return yaml.safe_load(text)
     except yaml.YAMLError:
-        return None  # rcl says what is wrong with it
+        return None  # rcl will report what is wrong
 
 
 def _outside_ros_args(args: Sequence[str]) -> list[str]:
@@ -169,7 +169,7 @@ def _outside_ros_args(args: Sequence[str]) -> list[str]:
 
 
 def _in_words(error: Exception) -> str:
-    """Say what rcl found wrong with the arguments, and what it expected."""
+    """Return what rcl found wrong with the arguments, and what it expected, in plain words."""
     if isinstance(error, UnknownROSArgsError):
         words = " ".join(re.findall(r"'([^']*)'", str(error)))
         return f"Unknown ROS argument '{words}'; expected -p, --params-file, -r or another that `ros2 run` knows."
@@ -177,7 +177,7 @@ def _in_words(error: Exception) -> str:
     text = text.removeprefix("failed to initialize rcl: ")
     found = re.fullmatch(r"Couldn't parse [^:']*: '(--?\S+) ?(.*)'\. Error: (.*)", text)
     if not found:
-        return f"ROS 2 could not start: {text.rstrip('.')}; --help shows what can be given."
+        return f"ROS 2 could not start: {text.rstrip('.')}; see --help for valid arguments."
     flag, value, reason = found.groups()
     expected = {
         "-p": "-p NAME:=VALUE, with a VALUE",

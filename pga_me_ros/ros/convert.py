@@ -1,7 +1,7 @@
 """Pure conversions between messages and the core's types.
 
-Arrays travel flat with their dimensions beside them; reading checks that the two agree, so that a malformed message is
-refused in words before it reaches the core.
+Messages carry flat arrays with their dimensions; reading checks that the two agree, so that a malformed message is
+refused with a reason before it reaches the core.
 """
 
 from __future__ import annotations
@@ -35,10 +35,10 @@ from pga_me_ros.tasks.rollout import Episode
 from pga_me_ros.tasks.spec import TaskSpec
 
 MOST_LAYERS = 100
-"""Layers of a network in a message; a list of millions would be turned into Python numbers before it is refused."""
+"""Maximum layers of a network in a message; a list of millions would become Python numbers before its refusal."""
 
 PURE_NUMBER = "1"
-"""Unit of what has none, in messages; a task's spec leaves it empty."""
+"""Unit of a pure number in messages; a task's spec leaves it empty."""
 
 
 def flat(values: Any, typecode: str) -> array.array[Any]:
@@ -59,7 +59,7 @@ def shaped(data: Any, shape: tuple[int, ...], dtype: Any, name: str) -> NDArray[
     Raises:
         RequestError: A dimension is negative, or the field has another number of entries.
     """
-    # Counted before they are copied: a message may hold any number of them.
+    # Counted before copying: a message may hold any number of entries.
     if min(shape) < 0 or len(data) != math.prod(shape):
         raise RequestError(
             f"Field '{name}' has {len(data)} entries, but its dimensions {shape} need "
@@ -73,7 +73,7 @@ def layers_from_msg(sizes: Sequence[int], name: str) -> MlpShape:
     """Return the layers of a network from a message's field.
 
     Raises:
-        RequestError: There are more layers than any network here has.
+        RequestError: There are more than `MOST_LAYERS` layers.
     """
     if len(sizes) > MOST_LAYERS:
         raise RequestError(f"Field '{name}' has {len(sizes)} entries; expected one per layer.")
@@ -222,7 +222,7 @@ def _networks(msg: CriticSnapshot) -> dict[str, Network]:
 
 
 def metrics_to_msg(metrics: Metrics | None, info: RunInfo, cells: int) -> MetricsMsg:
-    """Return metrics as a message without a stamp; None stands for an archive without generations."""
+    """Return metrics as a message without a stamp; None means an archive without generations."""
     msg = MetricsMsg(run_id=info.run_id, task=info.task["name"], cells=cells, generation=-1)
     msg.max_fitness = msg.mean_fitness = math.nan
     if metrics:
@@ -251,7 +251,7 @@ def behavior_to_msg(elite: Elite, known: Statistics | None = None) -> Behavior:
 
     Args:
         elite: The elite.
-        known: What re-evaluations say of it and others, None for nothing.
+        known: Statistics of re-evaluations, None if there are none.
     """
     parents = [p for p in (elite.parent1, elite.parent2) if p >= 0]
     msg = Behavior(
@@ -279,7 +279,7 @@ def behavior_to_msg(elite: Elite, known: Statistics | None = None) -> Behavior:
 
 
 def controller_to_msg(parameters: Float32Array, shape: MlpShape, spec: TaskSpec) -> Controller:
-    """Return a controller as a message that can be run without anything else."""
+    """Return a controller as a self-contained message."""
     msg = Controller(task=spec.name, layout=LAYOUT, control_period=float(spec.control_period))
     msg.layer_sizes = flat(shape.sizes, "q")
     msg.activations = ["relu"] * (len(shape.sizes) - 2) + ["tanh"]

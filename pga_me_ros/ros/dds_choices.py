@@ -1,4 +1,4 @@
-"""Discovery and transports: what ROS 2 and Fast DDS let the user choose stays, the rest is filled in."""
+"""Discovery and transports: the user's choices for ROS 2 and Fast DDS stay, and the rest is filled in."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pga_me_ros.errors import SettingsError, nearest_name
 DISCOVERY_RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 RANGES = ("OFF", "LOCALHOST", "SUBNET", "SYSTEM_DEFAULT")
 LOCALHOST_ONLY = "ROS_LOCALHOST_ONLY"
-"""The older way to choose LOCALHOST; it counts before DISCOVERY_RANGE."""
+"""The older way to choose LOCALHOST; it takes precedence over DISCOVERY_RANGE."""
 
 STATIC_PEERS = "ROS_STATIC_PEERS"
 DISCOVERY_SERVER = "ROS_DISCOVERY_SERVER"
@@ -29,10 +29,10 @@ ENVIRONMENT_FILE = "FASTDDS_ENVIRONMENT_FILE"
 """JSON file from which Fast DDS reads its variables before the environment."""
 
 OUR_PROFILES = Path(__file__).with_name("fastdds.xml")
-"""Shared memory with room for our messages, and UDP; buffers that are given back. It says how."""
+"""Shared memory with room for our messages, and UDP; buffers are returned to the system. The file explains how."""
 
 OUR_UDP_PROFILES = Path(__file__).with_name("fastdds_udp.xml")
-"""The same with UDP alone, on this machine only."""
+"""The same with UDP only, on this machine only."""
 
 OUR_MEMORY_PROFILES = Path(__file__).with_name("fastdds_memory.xml")
 """The same with whatever transports the user has chosen."""
@@ -44,14 +44,14 @@ SHARED_MEMORY = Path("/dev/shm")
 LOCAL_NOTE = (
     f"nodes are found on this machine only; for others, export {DISCOVERY_RANGE}=SUBNET on each"
 )
-"""What to say where somebody may wait for nodes of other machines."""
+"""Hint for users who may be waiting for nodes of other machines."""
 
 
 def fill_in_dds_choices(variables: MutableMapping[str, str]) -> None:
-    """Set the discovery range and the Fast DDS profiles where the user has chosen neither them nor what excludes them.
+    """Set the discovery range and the Fast DDS profiles unless the user has set them or something incompatible.
 
-    rmw_fastrtps adds transports of its own, shared memory and UDPv4, in the range LOCALHOST. So that range is not set
-    where the user has chosen other transports.
+    In the range LOCALHOST, rmw_fastrtps adds its own transports, shared memory and UDPv4. So that range is not set if
+    the user has chosen other transports.
 
     Args:
         variables: Environment to look at and to change.
@@ -60,9 +60,9 @@ def fill_in_dds_choices(variables: MutableMapping[str, str]) -> None:
         SettingsError: The range is unknown, or it makes rmw_fastrtps ignore the chosen transports.
     """
     if variables.get(PROFILES[0]) in OURS:
-        return  # filled in by the process that started this one
+        return  # the parent process has filled them in
     given = variables.get(DISCOVERY_RANGE, "")
-    if given and given not in RANGES:  # rcl would take LOCALHOST
+    if given and given not in RANGES:  # rcl would use LOCALHOST
         raise SettingsError(
             f"{DISCOVERY_RANGE} is '{given}'{nearest_name(given, RANGES)}; expected one of: "
             f"{', '.join(RANGES)}."
@@ -81,18 +81,18 @@ def fill_in_dds_choices(variables: MutableMapping[str, str]) -> None:
             variables[DISCOVERY_RANGE] = "LOCALHOST"
     elif transports == "UDPv4" and _is_alone(variables, given, range_is_open):
         profiles = OUR_UDP_PROFILES
-        variables[DISCOVERY_RANGE] = "SYSTEM_DEFAULT"  # the profile keeps to this machine
+        variables[DISCOVERY_RANGE] = "SYSTEM_DEFAULT"  # the profile is limited to this machine
     else:
         profiles = OUR_MEMORY_PROFILES
         _refuse_ignored(transports, variables, given)
     variables[PROFILES[0]] = str(profiles)
-    # rmw_fastrtps looks at the publication mode only where QoS does not come from profiles.
+    # rmw_fastrtps uses the publication mode only if QoS does not come from profiles.
     if not variables.get(PUBLICATION_MODE):
         variables[QOS_FROM_PROFILES] = "1"
 
 
 def is_local(variables: Mapping[str, str] = os.environ) -> bool:
-    """Whether nodes of other machines will not be discovered."""
+    """Whether discovery is limited to this machine."""
     if variables.get(LOCALHOST_ONLY) == "1" or variables.get(PROFILES[0]) == str(OUR_UDP_PROFILES):
         return True
     if variables.get(STATIC_PEERS) or fastdds_variable(variables, DISCOVERY_SERVER):
@@ -101,9 +101,9 @@ def is_local(variables: Mapping[str, str] = os.environ) -> bool:
 
 
 def other_users_note() -> str:
-    """Return what to try where a node may be another user's, "" if no other user has nodes on this machine.
+    """Return a hint for a node that may be another user's; empty if no other user has nodes on this machine.
 
-    Fast DDS's shared memory belongs to its owner: nodes of two users find each other, but no message arrives.
+    Fast DDS's shared memory is private to its user: nodes of two users find each other, but no message arrives.
     """
     if fastdds_variable(os.environ, TRANSPORTS).startswith("UDP"):
         return ""
@@ -114,13 +114,13 @@ def other_users_note() -> str:
                     " Other users run ROS 2 nodes on this machine, and shared memory does not connect them with "
                     f"yours; if it is one of theirs, export {TRANSPORTS}=UDPv4 before you start this."
                 )
-        except OSError:  # its node has just ended
+        except OSError:  # its process has just ended
             continue
     return ""
 
 
 def fastdds_variable(variables: Mapping[str, str], name: str) -> str:
-    """Return a variable as Fast DDS reads it, "" if it is not set: its environment file comes first."""
+    """Return a variable as Fast DDS reads it, "" if it is not set; its environment file takes precedence."""
     try:
         content = json.loads(Path(variables.get(ENVIRONMENT_FILE, "")).read_bytes())
     except (OSError, ValueError):  # Fast DDS ignores such a file, too
@@ -130,7 +130,7 @@ def fastdds_variable(variables: Mapping[str, str], name: str) -> str:
 
 
 def _is_alone(variables: Mapping[str, str], given: str, range_is_open: bool) -> bool:
-    """Whether nodes of this machine only are wanted."""
+    """Whether only nodes of this machine are wanted."""
     if variables.get(STATIC_PEERS) or variables.get(LOCALHOST_ONLY) == "1":
         return False
     return range_is_open or given == "LOCALHOST"
@@ -148,12 +148,12 @@ def _refuse_ignored(transports: str, variables: Mapping[str, str], given: str) -
 
 
 def _has_profiles(variables: Mapping[str, str]) -> bool:
-    """Whether the user has Fast DDS profiles, or says whether QoS comes from profiles."""
+    """Whether the user has Fast DDS profiles, or has set whether QoS comes from profiles."""
     return QOS_FROM_PROFILES in variables or bool(_profiles(variables))
 
 
 def _profiles(variables: Mapping[str, str]) -> list[Path]:
-    """Return the files that Fast DDS takes the user's profiles from."""
+    """Return the files with the user's Fast DDS profiles."""
     files = [Path(variables[name]) for name in PROFILES if name in variables]
     if not variables.get(SKIP_PROFILES_IN_FOLDER, "").startswith("1"):
         files += [path for name in PROFILES_IN_FOLDER if (path := Path(name)).is_file()]
@@ -161,11 +161,11 @@ def _profiles(variables: Mapping[str, str]) -> list[Path]:
 
 
 def _profiles_have_transports(variables: Mapping[str, str]) -> bool:
-    """Whether the user's profiles choose transports: rmw_fastrtps would add its own in the range LOCALHOST."""
+    """Whether the user's profiles choose transports, to which rmw_fastrtps would add its own in the range LOCALHOST."""
     for path in _profiles(variables):
         try:
             text = path.read_text(errors="replace")
-        except OSError:  # Fast DDS says so
+        except OSError:  # Fast DDS will report it
             continue
         if any(tag in text for tag in ("<userTransports", "<builtinTransports")):
             return True

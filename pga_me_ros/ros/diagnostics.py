@@ -1,4 +1,4 @@
-"""/diagnostics: how each node is, for rqt_robot_monitor, diagnostic_aggregator and whoever echoes the topic."""
+"""/diagnostics: the health of each node, for rqt_robot_monitor, diagnostic_aggregator or `ros2 topic echo`."""
 
 from __future__ import annotations
 
@@ -15,30 +15,30 @@ from rclpy.node import Node
 from pga_me_ros.ros import names, qos
 
 RATE_WINDOW = 10
-"""Beats over which the rate of work is taken."""
+"""Heartbeats over which the rate of work is averaged."""
 
 MEMORY_PERIOD = 10
-"""Beats between two readings of the proportional memory, which the kernel has to walk all pages for."""
+"""Heartbeats between two readings of the proportional memory, for which the kernel has to walk all pages."""
 
 RECENT = 10.0
-"""Seconds for which something that went wrong shows in the level."""
+"""Seconds for which a fault or disturbance shows in the level."""
 
 MIB = 1024.0
-"""KiB in one."""
+"""KiB per MiB."""
 
 
 class Diagnostics:
     """A node's own entry in /diagnostics.
 
     The level is ERROR for a while after a fault, WARN for a while after a refusal or another disturbance that the node
-    copes with, else OK. STALE is for who watches other nodes: see `silent`.
+    can handle, else OK. STALE is set by nodes that watch others: see `silent`.
 
     Args:
         node: The node.
 
     Attributes:
         run_id: Id of the run that the node works for, shown as hardware_id; empty before the first request.
-        queue: Pieces of work that wait.
+        queue: Number of pieces of work that wait.
     """
 
     def __init__(self, node: Node) -> None:
@@ -57,7 +57,7 @@ class Diagnostics:
         self._note(DiagnosticStatus.ERROR, reason)
 
     def disturbance(self, reason: str) -> None:
-        """Note something that the node copes with, as a refusal."""
+        """Note something that the node can handle, such as a refusal."""
         self._note(DiagnosticStatus.WARN, reason)
 
     def publish(
@@ -67,11 +67,11 @@ class Diagnostics:
         more: Mapping[str, object] | None = None,
         others: Sequence[DiagnosticStatus] = (),
     ) -> None:
-        """Publish how the node is; to be called once a second.
+        """Publish the node's health; to be called once a second.
 
         Args:
-            done: Pieces of work that it has done.
-            refused: Requests and messages that it has refused.
+            done: Number of pieces of work done so far.
+            refused: Number of requests and messages refused so far.
             more: Further values.
             others: Entries about other nodes.
         """
@@ -117,7 +117,7 @@ class Diagnostics:
 
 
 def silent(name: str, run_id: str, seconds: float) -> DiagnosticStatus:
-    """Return an entry about a node that should be there and has not been heard of.
+    """Return an entry about a node that should be there but has gone silent.
 
     Args:
         name: Full name of the node.
@@ -133,16 +133,16 @@ def silent(name: str, run_id: str, seconds: float) -> DiagnosticStatus:
 
 
 class Memory:
-    """Memory of this process as Linux tells it."""
+    """Memory of this process as reported by Linux."""
 
     def __init__(self) -> None:
         self._beats = 0
         self._shared = ""
 
     def values(self) -> dict[str, str]:
-        """Return resident memory, and every now and then measured the share of it that is this process's own.
+        """Return resident memory (RSS) and proportional memory (PSS), the latter measured only now and then.
 
-        What several processes share, as libraries, counts in the proportional one (PSS) by its part only.
+        PSS divides what several processes share, such as libraries, among them.
         """
         if self._beats % MEMORY_PERIOD == 0:
             self._shared = _kib("/proc/self/smaps_rollup", "Pss:")
@@ -154,7 +154,7 @@ class Memory:
 
 
 def _kib(path: str, field: str) -> str:
-    """Return a number of KiB of a file of /proc as MiB, empty where there is none."""
+    """Return a number of KiB in a file of /proc as MiB, empty if there is none."""
     try:
         lines = Path(path).read_text().splitlines()
     except OSError:

@@ -1,4 +1,4 @@
-"""Both ends of archive/elites: the archive manager says what has changed, whoever listens has the same elites."""
+"""Both ends of archive/elites: the archive manager publishes changes, and subscribers mirror the elites."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from pga_me_ros.errors import RequestError
 from pga_me_ros.ros.convert import finite, flat, shaped
 
 NOBODY = -1
-"""Evaluation id in a cell of which nothing was heard."""
+"""Evaluation id of a cell without a received elite."""
 
 
 def elites_to_msg(archive: Archive, run_id: str, generation: int, cells: Int64Array) -> Elites:
@@ -34,9 +34,9 @@ def elites_to_msg(archive: Archive, run_id: str, generation: int, cells: Int64Ar
 
 
 class EliteMirror:
-    """The elites of an archive as far as they were heard.
+    """The elites of an archive that were received.
 
-    A cell's newest elite takes the place of the one before, so it holds no more than the archive.
+    A cell's newest elite replaces the one before, so the mirror holds no more than the archive.
 
     Args:
         cells: Cells of the archive.
@@ -52,7 +52,8 @@ class EliteMirror:
         """Take the elites of a message.
 
         Raises:
-            RequestError: The elites cannot belong to this archive, or a number is not finite; none is taken then.
+            RequestError: The elites cannot belong to this archive, or a number is not finite; the mirror is then
+                unchanged.
         """
         if msg.generation < 0:
             raise RequestError(f"Field 'generation' is {msg.generation}; expected 0 or more.")
@@ -67,11 +68,11 @@ class EliteMirror:
         self._cell_of.update(zip(ids.tolist(), where.tolist(), strict=True))
 
     def lacking(self, evaluations: Int64Array) -> list[int]:
-        """Return which of some evaluation ids are of no elite that was heard, in ascending order."""
+        """Return the evaluation ids whose elites were not received, ascending."""
         return [k for k in np.unique(evaluations).tolist() if k not in self._cell_of]
 
     def parameters(self, evaluations: Int64Array) -> Float32Array:
-        """Return the parameters of elites by evaluation id, none of them lacking.
+        """Return the parameters of elites by evaluation id; all must have been received.
 
         Args:
             evaluations: Ids, in any shape.
@@ -84,11 +85,11 @@ class EliteMirror:
 
 
 def _different(name: str, values: NDArray[Any], end: int = 2**63) -> NDArray[Any]:
-    """Return indices unless one is out of range or there twice."""
+    """Return indices unless one is out of range or occurs twice."""
     if len(values) and not 0 <= values.min() <= values.max() < end:
         raise RequestError(
             f"Field '{name}' holds {values.min()} to {values.max()}; expected 0 to {end - 1}."
         )
     if len(np.unique(values)) < len(values):
-        raise RequestError(f"Field '{name}' holds a number twice; expected different ones.")
+        raise RequestError(f"Field '{name}' holds a number twice; expected each at most once.")
     return values

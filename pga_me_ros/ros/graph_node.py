@@ -1,4 +1,4 @@
-"""What all nodes of the graph share: heartbeats, and services that refuse bad requests in words."""
+"""What all nodes of the graph share: heartbeats, and services that refuse bad requests with a reason."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ HEARTBEAT = 1.0
 """Seconds between two heartbeats."""
 
 LONGEST_ANSWER = 2000
-"""Characters of a refusal that are sent back: enough for every cause, whatever the request held."""
+"""Maximum characters of a refusal that are sent back: enough for every cause, whatever the request held."""
 
 Handler = Callable[[Any, Any], None]
 
 
 def own_name(kind: str) -> str:
-    """Return a node name that no other process of the network has: kind, host and process id."""
+    """Return a node name that is unique in the network: kind, host and process id."""
     return re.sub(r"\W", "_", f"{kind}_{socket.gethostname()}_{os.getpid()}", flags=re.ASCII)
 
 
@@ -41,7 +41,7 @@ class GraphNode(EndingNode):
 
     Args:
         kind: The kind in its status.
-        name: Default node name; empty takes the kind.
+        name: Default node name; empty for the kind.
 
     Attributes:
         diagnostics: Its entry in /diagnostics.
@@ -63,7 +63,7 @@ class GraphNode(EndingNode):
         self._heart = threading.Thread(target=self._live, name="heartbeat", daemon=True)
 
     def start_heartbeat(self, *, run_id: str = "", task: str = "", versions: str = "") -> None:
-        """Tell the graph that this node is ready: call it when all services are up."""
+        """Announce that this node is ready: call it when all services are up."""
         self._beat.run_id, self._beat.task, self._beat.versions = run_id, task, versions
         self.diagnostics.run_id = run_id
         self._heart.start()
@@ -85,7 +85,7 @@ class GraphNode(EndingNode):
         Args:
             srv_type: Service type; its response has a bool ``ok_field`` and a string ``message``.
             name: Relative name.
-            handler: ``handler(request, response)``; what it raises becomes a refusal.
+            handler: ``handler(request, response)``; an exception becomes a refusal.
             ok_field: The response's field that says whether the request was served.
             qos_profile: Quality of service.
         """
@@ -96,8 +96,8 @@ class GraphNode(EndingNode):
                 handler(request, response)
             except PgaError as error:
                 self._refuse(response, ok_field, name, str(error))
-            except Exception as error:  # a fault must not take the node down with it
-                if not self.context.ok():  # no fault: a signal came in the middle of the work
+            except Exception as error:  # a fault must not end the node
+                if not self.context.ok():  # not a fault: a signal came in the middle of the work
                     raise
                 self.get_logger().error(traceback.format_exc())
                 reason = f"internal fault: {type(error).__name__}: {error}"
@@ -111,14 +111,16 @@ class GraphNode(EndingNode):
         send = service.send_response
 
         def answer(response: Any, header: Any) -> None:
-            if response is not None:  # else the node is ending, and who waits asks the next one
+            if (
+                response is not None
+            ):  # None if the node is ending; the caller will ask its successor
                 send(response, header)
 
         setattr(service, "send_response", answer)  # noqa: B010, a method of rclpy's
         return service
 
     def check_run(self, run_id: str, ours: str) -> None:
-        """Refuse what does not belong to this run.
+        """Refuse a request that does not belong to this run.
 
         Raises:
             RequestError: The run ids differ.
@@ -158,5 +160,5 @@ class GraphNode(EndingNode):
             except RCLError:
                 if self.context.ok():
                     raise
-                return  # a signal shut the context down between two beats
+                return  # a signal shut the context down between two heartbeats
             self._ended.wait(HEARTBEAT)

@@ -1,4 +1,4 @@
-"""Which memory a process gives back to the system when it is done with a message, and which it keeps for the next."""
+"""Which memory a process returns to the system after a message, and which it keeps for the next."""
 
 from __future__ import annotations
 
@@ -6,27 +6,28 @@ import ctypes
 
 M_TRIM_THRESHOLD = -1
 M_MMAP_THRESHOLD = -3
-"""glibc's numbers of the parameters, see mallopt(3)."""
+"""glibc's numbers for the parameters, see mallopt(3)."""
 
 LARGE = 8 * 2**20
-"""Bytes from which on a block is given back as soon as it is freed; the run's own messages are smaller."""
+"""Size in bytes from which a block is returned as soon as it is freed; the run's own messages are smaller."""
 
 KEPT = 64 * 2**20
-"""Free bytes at the end of the heap that are kept: the blocks of the next generation's messages."""
+"""Free bytes to keep at the end of the heap, for the next generation's messages."""
 
 
 def set_malloc_limits() -> bool:
-    """Have the C library give large blocks back when they are freed, and keep what smaller ones leave.
+    """Make the C library return large blocks when they are freed, and keep the memory of smaller ones.
 
-    glibc by itself raises the limit with each large block that is freed, to 32 MiB: the blocks of later messages then
-    come from the heap, where small ones that are still in use keep them from being given back. A stray node that
-    sends some messages of tens of megabytes would make a process larger for good.
+    By default, glibc raises the first limit with each large block that is freed, up to 32 MiB. The blocks of later
+    messages then come from the heap, where small blocks in use keep them from being returned. A stray node that sends
+    a few messages of tens of megabytes would make a process larger for good.
 
-    The other limit it raises together with the first. By itself it is 128 kB, so that the heap would be cut after each
-    message of the run, and the next one would have to touch new pages: tens of thousands in a generation.
+    By default, glibc raises the second limit along with the first. Set by itself, the first would leave the second at
+    128 kB: the heap would be cut after each message of the run, and the next one would have to touch new pages, tens
+    of thousands in a generation.
 
     Returns:
-        Whether it can be done here; other C libraries have no such limits.
+        Whether this is possible here; other C libraries have no such limits.
     """
     try:
         mallopt = ctypes.CDLL(None).mallopt

@@ -1,4 +1,4 @@
-"""Which ROS middleware is asked for: one that is missing ends a process before it can say so in words."""
+"""A check that the requested ROS middleware is installed; rclpy would end the process without a clear message."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ INDEX = Path("share", "ament_index", "resource_index", "rmw_typesupport")
 """Folder of a prefix with one file per installed middleware."""
 
 CHOOSER = "rmw_implementation"
-"""Package in the index that is no middleware: it loads the one that is asked for."""
+"""Package in the index that is not a middleware itself: it loads the requested one."""
 
 EXIT_BAD_INPUT = 2
 
 
 def require_middleware() -> None:
-    """End this process with one line if its environment asks for a middleware that is not installed.
+    """End this process with one line if its environment requests a middleware that is not installed.
 
-    To be called before rclpy is imported: its library ends the process, with status 102 and a line from its sources.
+    To be called before rclpy is imported: its library ends the process with status 102 and a line of its source code.
     """
     if "rclpy" in sys.modules:
         return
@@ -37,7 +37,7 @@ def require_middleware() -> None:
 
 
 def _installed() -> set[str]:
-    """Return the names of the middlewares in the ament index; empty where there is no index."""
+    """Return the names of the middlewares in the ament index; empty if there is no index."""
     prefixes = [*os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep), sys.prefix]
     folders = [Path(prefix) / INDEX for prefix in prefixes if prefix]
     return {f.name for folder in folders if folder.is_dir() for f in folder.iterdir()} - {CHOOSER}

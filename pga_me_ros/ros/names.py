@@ -16,7 +16,7 @@ ELITES = "archive/elites"
 PROGRESS = "progress"
 STATUS = "status"
 DIAGNOSTICS = "/diagnostics"
-"""Absolute by convention: monitors listen there, and entries carry full names."""
+"""Absolute by convention: monitors subscribe there, and entries carry full names."""
 
 EVALUATE = "~/evaluate"
 ADD_TO_ARCHIVE = "archive/add"
@@ -33,7 +33,7 @@ JOINT_STATES = "joint_states"
 ODOMETRY = "odom"
 ROBOT_DESCRIPTION = "robot_description"
 
-# Whatever the namespace: tools look for these at the root.
+# Absolute, because tools look for these at the root, whatever the namespace.
 TF = "/tf"
 TF_STATIC = "/tf_static"
 CLOCK = "/clock"

@@ -1,4 +1,4 @@
-"""Other nodes of the same name: ROS 2 lets them be, and mixes them up."""
+"""Detection of other nodes of the same name, which ROS 2 allows but mixes up."""
 
 from __future__ import annotations
 
@@ -18,22 +18,22 @@ from pga_me_ros.ros.refusals import printable
 from pga_me_ros.ros.spinning import EndingNode
 
 LISTEN = 4.0
-"""Seconds in which a living namesake is heard. Mostly two nodes find each other at once, but every few times what one
-says of itself comes too early for the other, and Fast DDS repeats it after up to 3 s. Then the next heartbeat has to
-come, one every second."""
+"""Seconds within which a living namesake is heard. Two nodes usually find each other at once, but now and then one's
+announcement comes too early for the other, and Fast DDS repeats it after up to 3 s. Then comes the next heartbeat, one
+every second."""
 
 LISTEN_ON = 5.0
-"""Seconds to listen when the graph has the name more than once: discovery is slow, or a namesake was killed lately."""
+"""Seconds to listen if the graph has the name more than once: discovery is slow, or a namesake was killed recently."""
 
 ELDER = 5.0
-"""Seconds after the start: a namesake that is heard within them was there before, or started at about the same time;
-then both leave, as better none answers than two in turn."""
+"""Seconds after the start in which a namesake counts as older. If two start at about the same time, both leave: no node
+is better than two that answer in turn."""
 
 
 def leave_to_elders(
     node: EndingNode, is_namesake: Callable[[NodeStatus], bool], advice: str
 ) -> None:
-    """Have a node leave its name to one that was there before: it ends with a `PgaError` once it hears of it.
+    """Make a node leave its name to an older namesake: it ends with a `PgaError` when it hears one.
 
     Args:
         node: The node, which was started just now.
@@ -55,13 +55,13 @@ def leave_to_elders(
 
 
 def listening_time(node: Node, *singletons: str) -> float:
-    """Return for how long to listen for namesakes before names count as free.
+    """Return how long to listen for namesakes before names count as free.
 
-    A killed process stays in the graph for some 20 s, so being there is no proof of life, only a reason to listen on.
+    A killed process stays in the graph for some 20 s, so a name in the graph is only a reason to listen longer.
 
     Args:
-        node: Node to look at the graph with.
-        singletons: Names in its namespace of which the graph should have one each.
+        node: Node that gives access to the graph.
+        singletons: Names in its namespace that the graph should have once each.
     """
     there = node.get_node_names_and_namespaces()
     taken = any(there.count((name, node.get_namespace())) > 1 for name in singletons)
@@ -69,10 +69,10 @@ def listening_time(node: Node, *singletons: str) -> float:
 
 
 def offers_service(node: Node, name: str) -> bool:
-    """Return whether a service is there; anybody may tell a name, even one that can be none.
+    """Return whether a service exists; the name may come from anybody and need not be valid.
 
     Args:
-        node: Node to look at the graph with.
+        node: Node that gives access to the graph.
         name: Name of the service before remapping.
     """
     try:

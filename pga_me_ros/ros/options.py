@@ -1,4 +1,4 @@
-"""Parameters that say how a run is carried out, not what it finds: they are no part of its identity."""
+"""Parameters that decide how a run is carried out but not what it finds: they are not part of its identity."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ def require_run(options: Mapping[str, Any], node: str) -> str:
         node: Executable.
 
     Raises:
-        SettingsError: There is none: a node without a run would answer the requests of any, by refusing them.
+        SettingsError: There is none. A node without a run would intercept the requests of other runs and refuse them.
     """
     if not options["run_id"]:
         raise SettingsError(
-            f"No run_id is given: {node} works for one run, and its orchestrator starts it with all that it needs. "
+            f"No run_id is given: {node} works for one run, and the run's orchestrator starts it. "
             "Start an orchestrator instead."
         )
     return str(options["run_id"])
@@ -42,12 +42,12 @@ class RunOptions:
 
     run_dir: str = setting(
         "",
-        "Folder of the run, resumed when it holds one; empty takes runs/TASK-seedSEED.",
+        "Folder of the run; a run that it holds is resumed. Empty for runs/TASK-seedSEED.",
         path=True,
     )
     evaluators: int = setting(
         0,
-        "Evaluators to start on this machine; 0 starts one per core. Others may join from anywhere.",
+        "Evaluators to start on this machine; 0 starts one per core. Others may join from any machine.",
         low=0,
         high=1024,
         unit="processes",
@@ -56,5 +56,5 @@ class RunOptions:
         1, "Evaluators that must be there before work starts.", low=1, high=1024, unit="processes"
     )
     serve: bool = setting(
-        True, "Whether to go on serving the finished repertoire until stopped, or to exit."
+        True, "Whether to keep serving the finished repertoire until stopped, or to exit."
     )

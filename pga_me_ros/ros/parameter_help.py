@@ -1,4 +1,4 @@
-"""Parameters for people to read: the text of ``--help`` and the tables of docs/parameters.md."""
+"""Descriptions of parameters: the text of ``--help`` and the tables of docs/parameters.md."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 from pga_me_ros.core.settings.field import INT64_MAX
 
 WIDTH = 96
-"""Columns of the help."""
+"""Width of the help, in characters."""
 
 
 def parameter_list(*kinds: type) -> str:
@@ -26,7 +26,7 @@ def parameter_list(*kinds: type) -> str:
 
 
 def parameter_table(*kinds: type) -> str:
-    """Return the same as a table in Markdown, one row per parameter."""
+    """Return the same as a Markdown table, one row per parameter."""
     head = (
         "| parameter | default | range | unit | symbol | set while running | meaning |\n"
         "|---|---|---|---|---|---|---|\n"
@@ -77,7 +77,7 @@ def shown(value: Any) -> str:
 
 
 def allowed(f: Field[Any]) -> str:
-    """Return which values a setting may have, empty when any."""
+    """Return which values a setting may have; empty if any."""
     meta = f.metadata
     if meta["choices"]:
         return " or ".join(meta["choices"])

@@ -1,4 +1,4 @@
-"""ROS parameters from settings dataclasses: declared with descriptors, checked with messages for people."""
+"""ROS parameters from settings dataclasses: declared with descriptors, and checked with readable messages."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ def declare(
     """Declare the fields of settings dataclasses as parameters and return their values.
 
     The node must have been made with ``automatically_declare_parameters_from_overrides=True``, so that every value
-    given on the command line or in a YAML file is seen, the misspelt ones too.
+    given on the command line or in a YAML file is visible, misspelled ones included.
 
     Args:
         node: Node to declare on.
         kinds: Dataclasses whose fields were made by `pga_me_ros.core.settings.field.setting`.
         shared: Dataclasses with parameters of other nodes: ignored, so that one YAML file serves all nodes.
-        fixed: Whether rates are read-only, too, as where they come with each request.
+        fixed: Whether rates are read-only, too, as in nodes that get them with each request.
 
     Returns:
         Checked values by name.
@@ -54,7 +54,7 @@ def declare(
 def _checked(
     node: Node, kinds: tuple[type, ...], shared: tuple[type, ...] = ()
 ) -> tuple[dict[str, Field[Any]], dict[str, Any]]:
-    """Take what was given to a node from it; return fields and checked values by name, see `declare`."""
+    """Undeclare the parameters that a node was given; return fields and checked values by name, see `declare`."""
     # rclpy annotates this with the types of values, but returns parameters.
     parameters = cast(Mapping[str, Parameter], node.get_parameters_by_prefix(""))
     given = {n: p.value for n, p in parameters.items() if not _own(n)}
@@ -89,13 +89,13 @@ def declare_run(
 ) -> tuple[Settings, dict[str, Any]]:
     """Declare the settings of a run and a node's own options; `fixed` as in `declare`.
 
-    Parameters show the values in force: the algorithm's own value where the default stands for it.
+    Parameters show the values in force: the algorithm's own value if the default stands for it.
 
     Returns:
         The settings, and the options by name.
 
     Raises:
-        SettingsError: As in `declare`, or the settings do not fit each other.
+        SettingsError: As for `declare`; also if the settings contradict each other.
     """
     known, values = _checked(node, (Settings, options))
     names = {f.name for f in fields(Settings)}
@@ -105,7 +105,7 @@ def declare_run(
 
 
 def descriptor(f: Any) -> ParameterDescriptor:
-    """Return the ROS descriptor of a settings field: description, unit, symbol, range, read-only or not."""
+    """Return the ROS descriptor of a settings field: description, unit, symbol, range, and whether it is read-only."""
     meta = f.metadata
     text = meta["description"]
     if meta["symbol"]:
@@ -127,12 +127,12 @@ def descriptor(f: Any) -> ParameterDescriptor:
 def on_change(
     node: Node, check: Callable[[dict[str, Any]], object], apply: Callable[[dict[str, Any]], None]
 ) -> None:
-    """Check changes of rates before they are accepted and hand them on afterwards.
+    """Check changes of rates before they are accepted, and apply them afterwards.
 
     Args:
         node: Node whose parameters change.
         check: Called with the changed names and values; raises `PgaError` to refuse them.
-        apply: Called with those accepted.
+        apply: Called with accepted changes.
     """
 
     def checked(parameters: Iterable[Parameter]) -> SetParametersResult:

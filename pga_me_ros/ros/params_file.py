@@ -1,4 +1,4 @@
-"""Params files, looked at before ROS 2 does: what is wrong with one is said in words, with file and line."""
+"""Params files, checked before ROS 2 reads them, so that errors name the file and the line."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pga_me_ros.errors import SettingsError, nearest_name
 
 PARAMETERS = "ros__parameters"
 
-EXPECTED = "expected a section '/**:' that holds 'ros__parameters:' that holds 'name: value' lines"
+EXPECTED = "expected a section '/**:' with a key 'ros__parameters:' with 'name: value' lines"
 
 
 def sections(path: Path) -> list[str]:
@@ -65,7 +65,7 @@ def _read(path: Path) -> Any:
         where = f" at line {mark.line + 1}, column {mark.column + 1}" if mark else ""
         problem = getattr(error, "problem", None) or getattr(error, "reason", None) or error
         raise SettingsError(
-            f"Params file '{path}' is no valid YAML{where}: {problem}; {EXPECTED}."
+            f"Params file '{path}' is not valid YAML{where}: {problem}; {EXPECTED}."
         ) from None
 
 

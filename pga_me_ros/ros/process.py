@@ -1,4 +1,4 @@
-"""Start and end of a node's process: errors in one line, quiet Ctrl-C."""
+"""Start and end of a node's process: errors in one line, no traceback on Ctrl-C."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ EXIT_BAD_INPUT = 2
 def run_node(
     program: Program, make: Callable[[], EndingNode], args: list[str] | None = None
 ) -> int:
-    """Run one node until it is told to stop.
+    """Run a node until it is told to stop.
 
     Args:
-        program: What the executable says about itself.
+        program: Description of the executable.
         make: Makes the node; called after ``rclpy.init``.
-        args: Command line without the program's name; None takes the process's own.
+        args: Command line without the program's name; None for that of this process.
 
     Returns:
         Exit code: 0 after a shutdown, 2 for bad input, 1 for a fault.
@@ -54,12 +54,12 @@ def run_node(
 
 
 def report(error: Exception, *, starting: bool = True) -> int:
-    """Print an error as a person wants to read it and return the exit code that goes with it.
+    """Print an error for a user and return its exit code.
 
     Args:
         error: The error.
-        starting: Whether the node was still starting: an error of ROS, of memory or of permissions then comes from what
-            the user gave.
+        starting: Whether the node was still starting: errors of ROS, memory or permissions are then due to the user's
+            input.
     """
     if isinstance(error, PgaError):
         tell(f"error: {error}", sys.stderr)
@@ -69,8 +69,8 @@ def report(error: Exception, *, starting: bool = True) -> int:
         return EXIT_BAD_INPUT
     if starting and isinstance(error, MemoryError):
         tell(
-            f"error: memory cannot hold what the settings ask for ({_one_line(error)}); give controller_hidden, "
-            "critic_hidden, cells, batch_size or replay_size less.",
+            f"error: memory cannot hold what the settings need ({_one_line(error)}); reduce controller_hidden, "
+            "critic_hidden, cells, batch_size or replay_size.",
             sys.stderr,
         )
         return EXIT_BAD_INPUT

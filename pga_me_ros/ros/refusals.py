@@ -1,24 +1,24 @@
-"""Refusals in words: what may be shown of a stranger's text, and how often."""
+"""Logging of refusals: what of a stranger's text is shown, and how often."""
 
 from __future__ import annotations
 
 import time
 
 LONGEST = 500
-"""Characters of a refusal that are shown; a request may hold names and lists of any length."""
+"""Maximum characters of a refusal that are shown; a request may hold names and lists of any length."""
 
 BURST = 20
-"""Refusals that are logged one by one before the log turns to one per second."""
+"""Number of refusals that are logged one by one before the log is limited to one per second."""
 
 
 def printable(text: str, longest: int = LONGEST) -> str:
-    """Return a text that fits into one line of a log or terminal, whatever a message has put into it."""
+    """Return a text in a form that fits into one line of a log or terminal, whatever it contains."""
     cut = text if len(text) <= longest else f"{text[:longest]}... ({len(text)} characters)"
     return "".join(c if c.isprintable() else repr(c)[1:-1] for c in cut)
 
 
 class CalmRefusals:
-    """Decides which refusals are logged, so that a node that errs a hundred times a second fills no disk."""
+    """Decides which refusals are logged, so that a hundred errors a second do not fill the disk."""
 
     def __init__(self) -> None:
         self._allowance = float(BURST)
@@ -29,7 +29,7 @@ class CalmRefusals:
         """Return what to log for a refusal, None for nothing.
 
         Args:
-            reason: The refusal in words.
+            reason: Reason of the refusal.
         """
         now = time.monotonic()
         self._allowance = min(float(BURST), self._allowance + now - self._looked)

@@ -1,6 +1,6 @@
-"""The services that rclpy gives every node: a request that it did not expect must not take the node down.
+"""Protection of the services that rclpy gives every node: an unexpected request must not end the node.
 
-For example, `set_parameters` with a value of unknown type raises in rclpy, and with it ends the executor.
+For example, `set_parameters` with a value of unknown type raises in rclpy, which ends the executor.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ KNOWN_TYPES = range(ParameterType.PARAMETER_NOT_SET, ParameterType.PARAMETER_STR
 
 
 def shield(node: Node, refused: Callable[[str], None]) -> None:
-    """Let a node's own services refuse what they cannot answer. Call it right after the node was made.
+    """Make rclpy's services of a node refuse what they cannot answer. Call it right after the node was made.
 
     Args:
-        node: A node whose services are, so far, those of rclpy.
+        node: A node that has only rclpy's services so far.
         refused: Called with the reason of each refusal.
     """
     for service in node.services:
@@ -36,7 +36,7 @@ def _shielded(name: str, callback: Callback, refused: Callable[[str], None]) -> 
         try:
             _require_sound(request)
             return callback(request, response)
-        except Exception as error:  # whatever rclpy did not expect
+        except Exception as error:  # anything that rclpy did not expect
             reason = printable(f"{type(error).__name__}: {error}")
             refused(f"refused a request to {name}: {reason}")
             return _refusal(fresh(), request, reason)
@@ -45,10 +45,10 @@ def _shielded(name: str, callback: Callback, refused: Callable[[str], None]) -> 
 
 
 def _require_sound(request: Any) -> None:
-    """Refuse parameters of unknown type, or without a name, before any of the request is carried out.
+    """Refuse parameters of unknown type, or without a name, before the request has any effect.
 
     Raises:
-        TypeError: A parameter has a type that ROS 2 does not know.
+        TypeError: A parameter has a type unknown to ROS 2.
         ValueError: A parameter has no name; rclpy would accept it.
     """
     if isinstance(request, (SetParameters.Request, SetParametersAtomically.Request)):

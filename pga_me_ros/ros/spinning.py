@@ -1,7 +1,7 @@
-"""How the nodes of the graph spin: with rclpy's events executor, which looks only at what something happened to.
+"""The nodes of the graph spin with rclpy's events executor, which only handles what has had an event.
 
-The executor of `rclpy.spin` asks each of a node's dozen services, subscriptions and timers at every pass, and takes two
-passes per message: in a loop of short episodes, 2.5 % of all the work that a run does.
+The executor of `rclpy.spin` checks each of a node's dozen services, subscriptions and timers at every pass, and needs
+two passes per message: with short episodes, that is 2.5 % of all the work of a run.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ from rclpy.node import Node
 Callback = Callable[..., Any]
 
 LONGEST_WAIT = 60.0
-"""Seconds between two looks of a node to which nothing happens. rclpy's own `spin` sets no bound, that is, the latest
-time that there is; the wheel's C++ library computes with it, overflows, and so waits without ever pausing."""
+"""Maximum seconds that an idle node waits. rclpy's own `spin` sets no bound, that is, the largest time there is; the
+C++ library of the wheel overflows when it computes with it, and polls without a pause."""
 
 
 class EndingNode(Node):
-    """A node that can end its own spinning without a word: what a callback raises, the executor logs as a fault.
+    """A node that can end its own spinning without an exception in a callback, which the executor would log as a fault.
 
     Attributes:
         outcome: Why spinning ends, None while it spins.
@@ -33,19 +33,19 @@ class EndingNode(Node):
         """End spinning, from any thread; the first outcome counts.
 
         Args:
-            outcome: What `spin` is to raise.
+            outcome: Exception that `spin` will raise.
         """
         self.outcome = self.outcome or outcome
         executor: Executor | None = self.executor
         if executor is not None:
-            executor.create_task(lambda: None)  # wakes it, wherever it waits
+            executor.create_task(lambda: None)  # wakes the executor
 
     def unless_ended(self, callback: Callback) -> Callback:
-        """Return a callback in whose middle a signal may come: what fails because of it ends the node, and is no fault.
+        """Return a callback that a signal may interrupt: failures due to the signal end the node and are not faults.
 
         Args:
-            callback: The callback. ROS 2 may be shut down while it works, or a KeyboardInterrupt be raised in it; None
-                is returned then.
+            callback: The callback. If ROS 2 is shut down or a KeyboardInterrupt is raised while it runs, None is
+                returned.
         """
 
         def call(*arguments: Any) -> Any:
@@ -70,7 +70,7 @@ def spin(node: EndingNode) -> None:
 
     Raises:
         BaseException: The node's `outcome`, or what a callback raised.
-        ExternalShutdownException: ROS 2 was shut down, as by a signal.
+        ExternalShutdownException: ROS 2 was shut down, for example by a signal.
     """
     executor = EventsExecutor(context=node.context)
     executor.add_node(node)

@@ -43,8 +43,8 @@ def test_a_section_is_meant_for_the_nodes_it_matches(section: str, node: str, me
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("a: [1\n", "no valid YAML at line 2, column 1"),
-        ("/**:\n  ros__parameters:\n\ta: 1\n", "no valid YAML at line 3, column 1"),
+        ("a: [1\n", "not valid YAML at line 2, column 1"),
+        ("/**:\n  ros__parameters:\n\ta: 1\n", "not valid YAML at line 3, column 1"),
         ("", "names no node; expected a section"),
         ("- 1\n", "names no node"),
         ("evaluations: 5\n", "a value for '/evaluations' outside 'ros__parameters'"),
@@ -63,7 +63,7 @@ def test_a_file_of_another_layout_is_refused(tmp_path: Path, text: str, words: s
 def test_a_file_of_bytes_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "p.yaml"
     path.write_bytes(b"\xff\xfe\x00\x81")
-    with pytest.raises(SettingsError, match="no valid YAML"):
+    with pytest.raises(SettingsError, match="not valid YAML"):
         sections(path)
 
 
