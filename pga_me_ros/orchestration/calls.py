@@ -1,4 +1,4 @@
-"""Calls from the generation loop to the other nodes: deadlines, repeats, and an end when the run is stopped."""
+"""Calls from the generation loop to the other nodes, with deadlines and retries, until the run is stopped."""
 
 from __future__ import annotations
 
@@ -15,25 +15,25 @@ from pga_me_ros.errors import PgaError
 from pga_me_ros.ros import names, qos
 
 TICK = 0.05
-"""Seconds between two looks at children and stop requests while something is waited for."""
+"""Seconds between two checks on children and stop requests during a wait."""
 
 PATIENCE = 10.0
-"""Seconds after which a request is sent again: it may have been lost on the way."""
+"""Seconds after which a request is sent again, as it may have been lost."""
 
 EAGERNESS = 0.5
-"""Seconds after which a request is first sent again when its node may have been restarted: discovery takes its time."""
+"""Seconds after which a request is first sent again if its node may have been restarted: discovery takes time."""
 
 
 class StoppedError(Exception):
-    """The run was asked to stop."""
+    """The user stopped the run."""
 
 
 class Waiter:
-    """Lets the generation loop wait without missing what happens meanwhile.
+    """Lets the generation loop wait, while children are looked after.
 
     Args:
-        look: Called at every tick; looks after children and raises `StoppedError` when the run is to end.
-        arrivals: Counts the nodes that came up, restarted ones too.
+        look: Called at every tick; looks after children and raises `StoppedError` if the run should end.
+        arrivals: Returns how many nodes have come up so far, restarted ones included.
     """
 
     def __init__(self, look: Callable[[], None], arrivals: Callable[[], int] = lambda: 0) -> None:
@@ -43,7 +43,7 @@ class Waiter:
         self._looked = -TICK
 
     def wake(self) -> None:
-        """Say, from any thread, that something may have come true."""
+        """Have the condition checked again; may be called from any thread."""
         self._happened.set()
 
     def until(self, true: Callable[[], Any], timeout: float = float("inf")) -> bool:
@@ -51,7 +51,7 @@ class Waiter:
 
         Args:
             true: The condition.
-            timeout: Seconds to wait at most.
+            timeout: Maximum seconds to wait.
 
         Returns:
             Whether it came true in time.
@@ -78,12 +78,12 @@ class Waiter:
 def call(waiter: Waiter, client: Client, request: Any) -> Any:
     """Call a service of the graph until it answers.
 
-    Every service of the loop may be asked the same thing twice without harm. A request to a node that dies is never
-    answered, so it is sent again as soon as a node came up anew, and a few times more while discovery may lag behind.
-    The first answer counts, be it to an earlier sending: the node may just be slow.
+    Requests to the loop's services may be repeated without harm. A request to a node that dies is never answered, so it
+    is sent again as soon as a node has come up, and a few more times while discovery may lag behind. The first answer
+    counts, even to an earlier request: the node may just be slow.
 
     Args:
-        waiter: How to wait.
+        waiter: Waits for the answer.
         client: Client of the service.
         request: The request.
 

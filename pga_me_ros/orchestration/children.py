@@ -1,4 +1,4 @@
-"""The child processes of a run: started, watched, restarted and stopped by the orchestrator."""
+"""The child processes of a run, which the orchestrator starts, watches, restarts and stops."""
 
 from __future__ import annotations
 
@@ -16,23 +16,23 @@ STOP_GRACE = 2.0
 """Seconds between asking a child to stop and killing it."""
 
 CRASH_LIMIT = 5
-"""Deaths of one child, with no good end of a generation in between, that end the run."""
+"""Deaths of one child without a completed generation in between that end the run."""
 
 KILL_LIMIT = 20
-"""The same for deaths by SIGKILL, which come from outside or from a machine short of memory: those in a row before the
-child has done any work."""
+"""The same for deaths by SIGKILL, which come from outside or from a lack of memory: only those in a row count, before
+the child has done any work."""
 
 STABLE = 60.0
-"""Seconds after which a child that had nothing to do counts as one that works."""
+"""Seconds after which a child counts as working even if it had nothing to do."""
 
 
 class ChildError(PgaError):
-    """A child cannot be started, or dies again and again."""
+    """A child cannot be started, or dies repeatedly."""
 
 
 @dataclass
 class Child:
-    """One node and the processes that it has had.
+    """One node and its processes, the present one and earlier ones.
 
     Attributes:
         name: Node name.
@@ -40,8 +40,8 @@ class Child:
         log_path: File that its output is appended to.
         inherited: File descriptors that it keeps open.
         process: Its present process.
-        crashes: Deaths by its own fault that are not forgotten.
-        kills: Deaths by SIGKILL that are not forgotten.
+        crashes: Recent deaths by its own fault.
+        kills: Recent deaths by SIGKILL.
         works: Whether its present process has done some work.
     """
 
@@ -57,7 +57,7 @@ class Child:
         self.start()
 
     def start(self) -> None:
-        """Start its process, or a new one in the place of one that has ended."""
+        """Start its process, or a new one after one has ended."""
         self.works, self._started = False, time.monotonic()
         self.process = ChildProcess(self.command, self.log_path, inherited=self.inherited)
 
@@ -68,7 +68,7 @@ class Child:
 
     @property
     def proven(self) -> bool:
-        """Whether its present process has shown that it can live."""
+        """Whether its present process has shown that it can run."""
         return self.works or time.monotonic() - self._started > STABLE
 
 
@@ -81,8 +81,8 @@ class Children:
         lock: File descriptor of the run's lock: while a child lives, the run is in use.
 
     Attributes:
-        restarts: How often a child was started again.
-        pids: Process ids of all children ever started, the dead ones too.
+        restarts: How often a child was restarted.
+        pids: Process ids of all children ever started, dead ones included.
     """
 
     def __init__(self, run_dir: Path, ros_arguments: Sequence[str], lock: int) -> None:
@@ -119,7 +119,7 @@ class Children:
         return child
 
     def pid(self, name: str) -> int:
-        """Return the process id of a child's present incarnation."""
+        """Return the id of a child's present process."""
         return self._children[name].pid
 
     def names(self) -> list[str]:
@@ -127,10 +127,10 @@ class Children:
         return list(self._children)
 
     def revive(self) -> list[str]:
-        """Start again what has died.
+        """Restart children that have died.
 
         Returns:
-            Names of the children that were started again.
+            Names of the children that were restarted.
 
         Raises:
             ChildError: A child died too often.
@@ -145,26 +145,26 @@ class Children:
         return [child.name for child in dead]
 
     def working(self, name: str, pid: int) -> None:
-        """Take note that a process has done some work."""
+        """Note that a process has done some work."""
         child = self._children.get(name)
         if child and child.pid == pid:
             child.works = True
 
     def progressed(self) -> None:
-        """Forget past deaths at the end of a generation: what has part in the work between them is in no crash loop.
+        """Forget past deaths at the end of a generation: a child that works in between is not in a crash loop.
 
-        A child that dies at every start is remembered even while the others get on with the run.
+        The deaths of a child that dies at every start still count, even if the other nodes make progress.
         """
         for child in self._children.values():
             if child.proven:
                 child.crashes = child.kills = 0
 
     def stop(self, names: Sequence[str] | None = None, *, at_once: bool = False) -> None:
-        """Stop children, politely first; returns when they are gone.
+        """Stop children with SIGTERM, then SIGKILL; return when they are gone.
 
         Args:
-            names: Which; None for all.
-            at_once: Whether to be impolite.
+            names: Names of the children; None for all.
+            at_once: Whether to send SIGKILL at once.
         """
         stopped = [self._children[n] for n in (names if names is not None else self.names())]
         for child in stopped:
@@ -186,7 +186,7 @@ class Children:
             )
         if code == -signal.SIGKILL:
             child.kills = 1 if child.proven else child.kills + 1
-        else:  # work before it is no excuse: there may be one evaluation that it never survives
+        else:  # counts even after some work: there may be one evaluation that always crashes it
             child.crashes += 1
         if child.crashes >= CRASH_LIMIT or child.kills >= KILL_LIMIT:
             deaths = child.crashes + child.kills
@@ -200,7 +200,7 @@ class Children:
 
 
 def _how(code: int) -> str:
-    """Return in words how a process ended."""
+    """Return how a process ended, as text."""
     if code >= 0:
         return f"with exit code {code}"
     try:

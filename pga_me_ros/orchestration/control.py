@@ -22,15 +22,15 @@ from pga_me_ros.ros.spinning import EndingNode
 
 
 class Control(EndingNode):
-    """What the user controls: the rates of the run, pause, resume and stop.
+    """What the user controls: the run's rates, pause, resume and stop.
 
     Attributes:
         settings: Settings with the rates for the next generation.
         options: How the run is carried out.
-        stop_requested: Set when the run is to end.
-        paused: Set while no new generation is to begin.
+        stop_requested: Set when the run should end.
+        paused: Set while no new generation may begin.
         terminal: Where progress is shown.
-        began: Moment, of the monotonic clock, since when it is found by other nodes and finds them.
+        began: Time on the monotonic clock from which this node and others can discover each other.
     """
 
     def __init__(self) -> None:
@@ -49,17 +49,17 @@ class Control(EndingNode):
         on_change(self, self._changed, self._change)
 
     def get_logger(self) -> RcutilsLogger | CalmLogger:
-        """Return a logger that does not write into the line of progress."""
+        """Return a logger that does not write into the progress line."""
         return CalmLogger(super().get_logger(), self.terminal)
 
     def refused(self, reason: str) -> None:
-        """Log that a request or message was refused; in a flood of them, one a second."""
+        """Log that a request or message was refused; many are limited to one line per second."""
         line = self._refusals.line(reason)
         if line is not None:
             self.get_logger().warning(line)
 
     def take_rates(self, settings: Settings) -> None:
-        """Take the rates of a resumed run as they are in force, for the parameters to show."""
+        """Take over the rates in force of a resumed run, so that the parameters show them."""
         changed = [n for n in RATES if getattr(settings, n) != getattr(self.settings, n)]
         self.set_parameters([Parameter(n, value=getattr(settings, n)) for n in changed])
         self.settings = settings
@@ -73,19 +73,18 @@ class Control(EndingNode):
         fixed = [name for name in changes if name not in RATES]
         if fixed:
             raise SettingsError(
-                f"{', '.join(fixed)} cannot change while a run is under way; these can: "
-                f"{', '.join(RATES)}."
+                f"{', '.join(fixed)} cannot be changed during a run; these can: {', '.join(RATES)}."
             )
         return self.settings.replace(**changes)
 
     def _change(self, changes: dict[str, Any]) -> None:
         self.settings = self._changed(changes)
         listed = ", ".join(f"{name} = {value}" for name, value in changes.items())
-        self.get_logger().info(f"from the next generation on: {listed}")
+        self.get_logger().info(f"from the next generation: {listed}")
 
     def _pause(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self.paused.set()
-        response.success, response.message = True, "pauses after the generation under way"
+        response.success, response.message = True, "pauses after the current generation"
         return response
 
     def _resume(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
@@ -101,7 +100,7 @@ class Control(EndingNode):
 
 
 class CalmLogger:
-    """A node's logger that takes the line of progress out of its way.
+    """A node's logger that first clears the progress line.
 
     Args:
         logger: The logger of rclpy.
@@ -113,34 +112,34 @@ class CalmLogger:
         self._terminal = terminal
 
     def __getattr__(self, name: str) -> Any:
-        """Everything else is the logger's own."""
+        """Return any other attribute of rclpy's logger."""
         return getattr(self._logger, name)
 
-    # A method each: rclpy remembers a severity for every line of code that logs.
+    # One method per severity: rclpy ties each line of code that logs to one severity.
     def info(self, message: str) -> None:
-        """Log what is good to know."""
+        """Log information."""
         self._terminal.note(message)
         with self._terminal.aside():
             self._logger.info(message)
 
     def warning(self, message: str) -> None:
-        """Log what the run copes with."""
+        """Log a problem that the run can handle."""
         self._terminal.note(f"warning: {message}")
         with self._terminal.aside():
             self._logger.warning(message)
 
     def warn(self, message: str) -> None:
-        """Log what it copes with, as rclpy itself does."""
+        """Log a problem that the run can handle, under the name that rclpy uses."""
         self.warning(message)
 
     def fatal(self, message: str) -> None:
-        """Log a fault, as rclpy does of what a callback raises."""
+        """Log a fault; rclpy calls this for exceptions in callbacks."""
         self._terminal.note(f"fatal: {message}")
         with self._terminal.aside():
             self._logger.fatal(message)
 
     def error(self, message: str) -> None:
-        """Log what it does not cope with."""
+        """Log a problem that the run cannot handle."""
         self._terminal.note(f"error: {message}")
         with self._terminal.aside():
             self._logger.error(message)

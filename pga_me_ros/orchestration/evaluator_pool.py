@@ -1,4 +1,4 @@
-"""The evaluators that are there right now, and the evaluations that are to be done by them."""
+"""The evaluators that are present, and the evaluations they have to do."""
 
 from __future__ import annotations
 
@@ -24,31 +24,31 @@ from pga_me_ros.ros.namesakes import offers_service
 from pga_me_ros.ros.refusals import printable
 
 IN_FLIGHT = 2
-"""Chunks per evaluator at a time: the next one is there when it finishes one, so that no round trip is waited for."""
+"""Chunks per evaluator at a time: the next one is waiting when it finishes one, which hides the round trip."""
 
 SETTLE = 1.0
-"""Seconds that a restarted evaluator gets until everybody has discovered its new service."""
+"""Seconds until every node has discovered the service of a restarted evaluator."""
 
 REFUSALS = 3
-"""Refusals in a row after which an evaluator gets no more work; when none is left, the run gives up."""
+"""Refusals in a row after which an evaluator gets no more work; the run fails if no evaluator is left."""
 
 MOST_WARNINGS = 1000
-"""Unusable evaluators that are reported; further ones are ignored."""
+"""Maximum number of unusable evaluators that are reported; further ones are ignored."""
 
 RIVAL = 2.5
-"""Seconds since an evaluator's last heartbeat within which another process cannot take its name."""
+"""Seconds after an evaluator's last heartbeat during which another process cannot take its name."""
 
 
 class EvaluatorPool:
-    """Spreads evaluations over the evaluators of the run's task, however many there are.
+    """Distributes evaluations among the evaluators of the run's task, however many there are.
 
-    Results don't depend on who did what: evaluation k starts from the pose of (seed, k). So work is given twice without
-    harm when an evaluator is lost or slow, and the first result counts.
+    Results do not depend on which evaluator did what: evaluation k starts from the pose of (seed, k). So work may be
+    given out twice if an evaluator is lost or slow, and the first result counts.
 
     Args:
         node: The orchestrator's node; its executor must spin in another thread.
         job: The run.
-        wake: Called, from that thread, whenever a result came in.
+        wake: Called from that thread whenever a result has arrived.
     """
 
     def __init__(self, node: Node, job: Job, wake: Callable[[], None]) -> None:
@@ -63,18 +63,18 @@ class EvaluatorPool:
         self._queue: deque[int] = deque()
         self._parameters: dict[int, Float32Array] = {}
         self._outcomes: dict[int, Outcome] = {}
-        self._seconds = 0.0  # mean time per evaluation in a chunk, 0 while unknown
+        self._seconds = 0.0  # mean time per evaluation in a chunk, 0 if unknown
         self.generation = 0
         self._exploration_sigma = 0.0
         self._error: PgaError | None = None
 
     def __len__(self) -> int:
-        """Return the number of evaluators at work."""
+        """Return the number of usable evaluators."""
         return len(self._workers)
 
     @property
     def waiting(self) -> int:
-        """Evaluations that no evaluator has answered yet, those sent twice counted twice."""
+        """Number of evaluations that were not answered yet; those sent twice count twice."""
         with self._lock:
             sent = sum(len(c.ids) for worker in self._workers.values() for c in worker.chunks)
             return len(self._queue) + sent
@@ -83,7 +83,7 @@ class EvaluatorPool:
         """Forget the last generation's work and results.
 
         Args:
-            generation: The next one.
+            generation: The next generation.
             exploration_sigma: Standard deviation of the noise on the actions of all its episodes.
         """
         with self._lock:
@@ -94,7 +94,7 @@ class EvaluatorPool:
             self._outcomes.clear()
 
     def submit(self, ids: Sequence[int], parameters: Float32Array) -> None:
-        """Ask for evaluations.
+        """Queue evaluations.
 
         Args:
             ids: n evaluation ids.
@@ -106,7 +106,7 @@ class EvaluatorPool:
             self._dispatch()
 
     def repeat(self, ids: Sequence[int]) -> None:
-        """Do evaluations of this generation again, because their experience was lost."""
+        """Repeat evaluations of this generation, because their experience was lost."""
         with self._lock:
             for k in ids:
                 self._outcomes.pop(k, None)
@@ -117,7 +117,7 @@ class EvaluatorPool:
         """Whether all these evaluations have a result.
 
         Raises:
-            PgaError: No evaluator takes them.
+            PgaError: All evaluators refuse them.
         """
         with self._lock:
             if self._error:
@@ -130,7 +130,7 @@ class EvaluatorPool:
             return [self._outcomes[k] for k in ids]
 
     def heard(self, msg: NodeStatus) -> None:
-        """Take an evaluator's heartbeat: it joins, stays, or is reported as unusable."""
+        """Process an evaluator's heartbeat: it joins, stays, or is reported as unusable."""
         if msg.kind != "evaluator":
             return
         with self._lock:
@@ -146,27 +146,27 @@ class EvaluatorPool:
                     worker.done, worker.progress = msg.done, now
 
     def died(self, name: str) -> None:
-        """Give the work of an evaluator that is known to be dead to the others."""
+        """Give the work of a dead evaluator to the others."""
         with self._lock:
             if name in self._workers:
                 self._dead.add(self._workers[name].process)
                 self._lose(name)
 
     def tick(self) -> None:
-        """Look after lost evaluators and requests, and hand out work; call it several times a second."""
+        """Deal with lost evaluators and requests, and hand out work; call it several times a second."""
         with self._lock:
             now = time.monotonic()
             for name, worker in list(self._workers.items()):
                 if now - worker.seen > STALE:
-                    if worker.chunks:  # else it is not missed, as after the end of a run
+                    if worker.chunks:  # without work it is not missed, as after the end of a run
                         self._node.get_logger().warning(
                             f"evaluator {name} has been silent for {STALE:.0f} s; its work goes to others"
                         )
                     self._lose(name)
                 elif worker.chunks and not worker.client.service_is_ready():
-                    self._lose(name)  # it has left in good order; silence would tell only later
+                    self._lose(name)  # it has exited; its silence would show only later
                 overdue = worker.overdue(now, self._seconds)
-                for chunk in overdue:  # its answer still counts, should it come
+                for chunk in overdue:  # a late answer still counts
                     worker.chunks.remove(chunk)
                     self._put_back(chunk)
                 worker.given_up += bool(overdue)
@@ -179,7 +179,7 @@ class EvaluatorPool:
             self._put_back(chunk)
 
     def _replace(self, worker: Worker, msg: NodeStatus, now: float) -> None:
-        """Take a restarted evaluator in the place of its former self, but no rival of the same name."""
+        """Replace an evaluator by its restarted process, but not by a rival of the same name."""
         if now - worker.seen > RIVAL:
             self._lose(msg.node)
             self._join(msg, now)
@@ -198,7 +198,7 @@ class EvaluatorPool:
         if not known:
             if not offers_service(self._node, f"{msg.node}/evaluate"):
                 return  # its next heartbeat comes in a second
-            # Clients are kept for good: destroying one while the executor waits for it is an error in rclpy.
+            # Clients are never destroyed: doing so while the executor waits for one is an error in rclpy.
             self._clients[msg.node] = self._node.create_client(
                 Evaluate, f"{msg.node}/evaluate", qos_profile=qos.CLIENT
             )
@@ -223,7 +223,7 @@ class EvaluatorPool:
         return False
 
     def _warn_once(self, who: tuple[str, str, int], text: str) -> None:
-        key = hash(who)  # a stranger's name may be of any length
+        key = hash(who)  # a stranger's name may be arbitrarily long
         if key not in self._warned and len(self._warned) < MOST_WARNINGS:
             self._warned.add(key)
             self._node.get_logger().warning(printable(text))
@@ -234,7 +234,7 @@ class EvaluatorPool:
         self._queue.extendleft(k for k in reversed(ids) if k not in self._outcomes)
 
     def _dispatch(self) -> None:
-        """Give queued work to evaluators with room."""
+        """Give queued work to evaluators that have room."""
         now = time.monotonic()
         if self._queue:
             ready = self._ready(now)
@@ -247,7 +247,7 @@ class EvaluatorPool:
             self._help_stragglers(now)
 
     def _ready(self, now: float) -> list[Worker]:
-        """Return the evaluators that can be asked; rclpy takes a while to say so of each."""
+        """Return the evaluators whose service is available; rclpy takes a while to check each."""
         return [
             w
             for w in self._workers.values()
@@ -286,13 +286,13 @@ class EvaluatorPool:
 
     def _answered(self, worker: Worker, chunk: Chunk, future: Any) -> None:
         with self._lock:
-            if chunk in worker.chunks:  # else it was given up meanwhile
+            if chunk in worker.chunks:  # else it was given up in the meantime
                 worker.chunks.remove(chunk)
-            if all(k in self._parameters for k in chunk.ids):  # else of an earlier generation
+            if all(k in self._parameters for k in chunk.ids):  # else it is of an earlier generation
                 self._take(worker, chunk, future.result())
             self._dispatch()
             all_done = self._error or len(self._outcomes) == len(self._parameters)
-        if all_done:  # whoever waits does so for all that was submitted
+        if all_done:  # callers wait for everything that was submitted
             self._wake()
 
     def _take(self, worker: Worker, chunk: Chunk, response: Evaluate.Response) -> None:

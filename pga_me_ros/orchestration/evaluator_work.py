@@ -1,4 +1,4 @@
-"""What the evaluator pool keeps book of: results, chunks of work, and who does them."""
+"""The evaluator pool's records: results, chunks of work, and evaluators."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from rclpy.client import Client
 from pga_me_ros.arrays import Float64Array
 
 LOST = 10.0
-"""Seconds without a finished evaluation after which a request to a living evaluator first counts as lost on the way."""
+"""Seconds without a finished evaluation after which a request to a living evaluator first counts as lost."""
 
 STRAGGLER = 3.0
-"""How many times the expected time a chunk may take before idle evaluators do it too."""
+"""Multiple of the expected time that a chunk may take before idle evaluators do it, too."""
 
 WORTHWHILE = 0.12
-"""Seconds between a request and its answer that make it worth sending: each costs its two ends some ms."""
+"""Seconds of work that make a request worth sending: each costs both ends a few ms."""
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class Outcome:
         fitness: Sum of the rewards.
         descriptor: (descriptor_dim,) float64.
         length: Length of the episode [control steps].
-        terminated: Whether it ended by a fall.
+        terminated: Whether the episode ended in a fall.
     """
 
     fitness: float
@@ -39,7 +39,7 @@ class Outcome:
 
 @dataclass(eq=False)
 class Chunk:
-    """Evaluations that one evaluator was asked for in one request."""
+    """The evaluations of one request to an evaluator."""
 
     ids: list[int]
     sent: float
@@ -48,18 +48,18 @@ class Chunk:
 
 @dataclass(eq=False)
 class Worker:
-    """One incarnation of an evaluator.
+    """One process of an evaluator.
 
     Attributes:
         client: Client of its service.
         process: Host and process id.
-        usable: Time from which on it may be asked.
+        usable: Time from which it may get requests.
         seen: Time of its last heartbeat.
-        done: Evaluations that it had finished by then.
+        done: Number of evaluations it had finished by then.
         progress: Time at which that number last grew.
-        refusals: How often in a row it refused what it was asked for.
-        given_up: How often in a row requests to it were taken for lost.
-        chunks: What it was asked for and has not answered.
+        refusals: Number of refusals in a row.
+        given_up: Number of requests in a row that counted as lost.
+        chunks: Requests that it has not answered.
     """
 
     client: Client
@@ -73,13 +73,13 @@ class Worker:
     chunks: list[Chunk] = field(default_factory=list)
 
     def overdue(self, now: float, seconds: float) -> list[Chunk]:
-        """Return the chunks that must have been lost on the way.
+        """Return the chunks that must have been lost.
 
-        Patience doubles each time: where one episode takes longer, an evaluator must not drown in repeated requests.
+        The time allowed doubles each time: if an episode takes long, repeated requests must not flood an evaluator.
 
         Args:
             now: Time on the monotonic clock.
-            seconds: Mean time per evaluation, 0 while unknown.
+            seconds: Mean time per evaluation, 0 if unknown.
         """
         patience = max(LOST * 2**self.given_up, 20.0 * seconds)
         return [c for c in self.chunks if now - max(c.sent, self.progress) > patience]
@@ -107,14 +107,14 @@ class Job:
 
 
 def share(queued: int, evaluators: int, seconds: float) -> int:
-    """Return how many evaluations to ask one evaluator for at once.
+    """Return how many evaluations to send to one evaluator at once.
 
-    Towards the end they get fewer, so that all finish together, but not so few that asking costs as much as doing.
+    Towards the end, chunks shrink so that all evaluators finish together, but a request must stay worth its cost.
 
     Args:
-        queued: Evaluations that nobody was asked for yet, at least 1.
-        evaluators: Those that share them, at least 1.
-        seconds: Mean time per evaluation between request and answer, 0 while unknown.
+        queued: Evaluations that no evaluator has yet, at least 1.
+        evaluators: Number of evaluators that share them, at least 1.
+        seconds: Mean time per evaluation between request and answer, 0 if unknown.
     """
     worthwhile = ceil(WORTHWHILE / seconds) if seconds else 1
     fair = ceil(queued / evaluators)

@@ -1,4 +1,4 @@
-"""Of several orchestrators with one name, the one that was there first stays."""
+"""If several orchestrators have the same name, the first one stays."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from pga_me_ros.ros.refusals import printable
 
 
 def require_free_name(control: Control, claim: Progress, *, new: bool) -> None:
-    """Make sure that no other orchestrator lives in this namespace.
+    """Make sure that no other orchestrator runs in this namespace.
 
-    Of several that are started at the same time, the one whose claim is the oldest stays.
+    If several start at the same time, the one with the oldest claim stays.
 
     Args:
         control: The orchestrator's node.
-        claim: What it has published of itself, without a run yet.
-        new: Whether the run's folder is still to be made; nobody else's nodes may then be there either. Of a run that
-            is resumed they may be its own, about to notice that their orchestrator was killed.
+        claim: What it has published about itself, without a run yet.
+        new: Whether the run's folder is yet to be created. There must then be no other run's nodes, either. If a run is
+            resumed, they may be its own, which have yet to notice that their orchestrator was killed.
 
     Raises:
         PgaError: Another orchestrator or one of its nodes has the name.
@@ -51,7 +51,7 @@ def require_free_name(control: Control, claim: Progress, *, new: bool) -> None:
     control.create_subscription(NodeStatus, names.STATUS, take_node, qos.STATUS)
     waiter.until(lambda: bool(heard), LISTEN)
     waiter.until(lambda: bool(heard), listening_time(control, control.get_name()) - LISTEN)
-    if strangers:  # their orchestrator, if they have one, says more about them
+    if strangers:  # if they have an orchestrator, it says more about them
         waiter.until(lambda: bool(heard), LISTEN_ON)
     if heard:
         who = printable(f"process {heard[0].pid} on {heard[0].host}, task {heard[0].task}")
@@ -64,15 +64,15 @@ def require_free_name(control: Control, claim: Progress, *, new: bool) -> None:
 
 
 def stop_if_asked(control: Control) -> None:
-    """End a wait when the user asked to stop.
+    """End a wait if the user has stopped the run.
 
     Raises:
-        StoppedError: The run was asked to stop.
+        StoppedError: The user stopped the run.
     """
     if control.stop_requested.is_set():
         raise StoppedError
 
 
 def age(claim: Progress) -> tuple[int, int, str, int]:
-    """Return what orders claims to a name: the smallest is the oldest."""
+    """Return the sort key of a claim to a name: the smallest is the oldest."""
     return claim.stamp.sec, claim.stamp.nanosec, claim.host, claim.pid

@@ -1,4 +1,4 @@
-"""The generation loop of the graph: Alg. 3 with evaluation, critic training and variation side by side."""
+"""The generation loop of the graph: Alg. 3 with evaluation, critic training and variation in parallel."""
 
 from __future__ import annotations
 
@@ -20,26 +20,26 @@ from pga_me_ros.orchestration.trainer_client import TrainerClient
 from pga_me_ros.ros.convert import flat, rates_to_msg, shaped
 
 PIECE = 25
-"""Offspring per request: evaluators start on the first ones while the next are made."""
+"""Offspring per request: evaluators start with the first ones while the next are made."""
 
 ON_THE_WAY = (0.02, 1.0)
-"""Seconds that parents which are published again get to arrive: the first time, and at most; it doubles in between."""
+"""Seconds that parents get to arrive after they are published again: at first, and at most; it doubles each time."""
 
 
 class GenerationLoop:
     """Carries out one generation after the other.
 
-    Whatever is asked of a node depends on the request alone or on what was committed before, so a node that dies is
-    asked again after its restart, and the result is the same.
+    A node's answer depends only on the request and on what was committed before. So a request to a node that dies is
+    repeated after its restart, and the result is the same.
 
     Args:
         run_id: Id of the run.
         shape: Layers of the controllers.
         clients: Services of the other nodes.
         pool: Evaluators.
-        critics: The critic trainer's side.
-        waiter: How to wait.
-        imported: (n, P) float32 controllers that the run starts with in place of random ones.
+        critics: Client of the critic trainer.
+        waiter: Waits for the other nodes.
+        imported: (n, P) float32 controllers that the run starts with instead of random ones.
     """
 
     def __init__(
@@ -69,13 +69,13 @@ class GenerationLoop:
             t: Number of the generation; all before it are committed.
 
         Returns:
-            Metrics of the archive after it.
+            Metrics of the archive after the generation.
         """
         plan = GenerationPlan.of(settings, before, t, len(self._imported))
         batch = Batch.empty(t, plan.evaluations, self._shape.parameter_count)
         self._pool.begin(t, plan.exploration_sigma)
         if plan.training and not self._critics.has(plan.training):
-            self._critics.start(plan.training)  # nothing new where it is under way
+            self._critics.start(plan.training)  # no effect if it is running
         if plan.training and plan.meanwhile:
             self._critics.start_after(plan.meanwhile, plan.training)
         for slots in plan.unlearned:  # evaluated while the critics still train
@@ -83,7 +83,7 @@ class GenerationLoop:
         if plan.training:
             self._critics.wait_for(plan.training)
         if plan.meanwhile:
-            self._critics.start(plan.meanwhile)  # nothing new where it has followed
+            self._critics.start(plan.meanwhile)  # no effect if it has followed
         for slots in plan.learned:
             self._fill(plan, batch, slots)
         self._waiter.until(lambda: self._pool.done(batch.evaluations))
@@ -113,7 +113,7 @@ class GenerationLoop:
             self._pool.submit(ids, batch.parameters[places])
 
     def _sample(self, proposal: Propose.Request, each: int, *, publish: bool = False) -> Int64Array:
-        """Return the evaluation ids (n, each) of parents for what is to be proposed."""
+        """Return the evaluation ids (n, each) of parents for a proposal."""
         request = SampleParents.Request(
             run_id=self._run_id,
             generation=proposal.generation,
@@ -146,7 +146,7 @@ class GenerationLoop:
             if response.accepted:
                 size = (request.count, self._shape.parameter_count)
                 return shaped(response.parameters, size, np.float32, "parameters")
-            if response.lacking:  # a variation node that was restarted, or is about to hear them
+            if response.lacking:  # the variation node was restarted, or has yet to receive them
                 self._sample(request, each, publish=True)
                 self._waiter.pause(pause)
                 pause = min(2.0 * pause, longest)

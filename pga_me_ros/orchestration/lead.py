@@ -1,4 +1,4 @@
-"""Leads a run from start to end, and says how it starts, ends and stops."""
+"""Leads a run from start to end, and reports how it starts, ends and stops."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ HEARTBEAT = 1.0
 
 
 def lead(control: Control, signals: Signals) -> int:
-    """Carry out the run that the node's parameters ask for.
+    """Carry out the run that the node's parameters describe.
 
     Returns:
         Exit code.
 
     Raises:
-        PgaError: The run cannot start or go on.
+        PgaError: The run cannot start or continue.
     """
     settings, options = control.settings, control.options
     spec = task_spec(settings.task)
@@ -54,7 +54,7 @@ def lead(control: Control, signals: Signals) -> int:
         progress.publish()
         run.watch.publish(progress.msg)
 
-    # Steady: anybody may set use_sim_time, and a simulated clock may stand still.
+    # A steady clock: anybody may set use_sim_time, and a simulated clock may stand still.
     timer = control.create_timer(HEARTBEAT, beat, clock=Clock(clock_type=ClockType.STEADY_TIME))
     progress.say(started(directory))
     for line in batch_lines(directory.settings, len(directory.imported)):
@@ -63,7 +63,7 @@ def lead(control: Control, signals: Signals) -> int:
         run.grow()
         progress.say(finished(directory, run))
         if options.serve:
-            progress.say("serving it as repertoire/get_behavior; Ctrl-C ends")
+            progress.say("serving it as repertoire/get_behavior; Ctrl-C to end")
             run.serve()
     except StoppedError:
         if progress.msg.state != "finished":
@@ -111,7 +111,7 @@ def started(directory: RunDirectory) -> str:
         return f"new run in {directory.path}"
     if done < wanted:
         return f"resumed the run in {directory.path} after generation {done} of {wanted}"
-    return f"the run in {directory.path} has reached its budget before: {done} generations"
+    return f"the run in {directory.path} has already reached its budget: {done} generations"
 
 
 def finished(directory: RunDirectory, run: Run) -> str:
@@ -137,7 +137,7 @@ def failed(progress: ProgressReporter, directory: RunDirectory, run: Run) -> str
 
 @contextmanager
 def spinning(control: Control) -> Iterator[list[int]]:
-    """Serve a node's callbacks in another thread; a fault in one stops the run and gives an exit code."""
+    """Serve a node's callbacks in another thread; a fault in one stops the run and adds an exit code to the list."""
     faults: list[int] = []
 
     def serve() -> None:
@@ -145,7 +145,7 @@ def spinning(control: Control) -> Iterator[list[int]]:
             spin(control)
         except ExternalShutdownException:
             return
-        except Exception as error:  # without this thread, nothing would ever be answered
+        except Exception as error:  # without this thread, no request would ever be answered
             faults.append(report(error))
             control.stop_requested.set()
 

@@ -1,4 +1,4 @@
-"""Which of a run's child processes have been heard from, and when: one book, kept from their heartbeats."""
+"""Which of a run's child processes have been heard, and when, according to their heartbeats."""
 
 from __future__ import annotations
 
@@ -11,24 +11,24 @@ from pga_me_msgs.msg import NodeStatus
 from pga_me_ros.orchestration.children import Children
 
 STALE = 5.0
-"""Seconds without a heartbeat after which a node counts as stale, and the work of an evaluator is given to others."""
+"""Seconds without a heartbeat after which a node counts as stale, and an evaluator's work is given to others."""
 
 HANGING = 10.0
-"""Seconds without a heartbeat after which a living child is reported: it may be stopped, and the run waits for it."""
+"""Seconds without a heartbeat after which a living child is reported: it may be suspended, and the run waits for it."""
 
 
 class Roster:
-    """Listens to the heartbeats of a run's child processes. Those of anybody else leave no trace in it.
+    """Records the heartbeats of a run's child processes, and ignores all others.
 
-    The evaluators of other machines are not in it: `EvaluatorPool` knows them, by name and process, as it decides who
-    may have a name and who gets work.
+    It does not have the evaluators of other machines. `EvaluatorPool` keeps those by name and process, as it decides
+    who may have a name and who gets work.
 
     Args:
         children: The run's child processes.
         namespace: Namespace of the run.
 
     Attributes:
-        arrivals: How often a child process has been heard for the first time.
+        arrivals: Number of child processes that have been heard so far.
     """
 
     def __init__(self, children: Children, namespace: str) -> None:
@@ -40,15 +40,15 @@ class Roster:
         self.arrivals = 0
 
     def heard(self, msg: NodeStatus) -> bool:
-        """Take a heartbeat.
+        """Process a heartbeat.
 
         Returns:
-            Whether it comes from one of the run's processes, be it one that has been replaced meanwhile.
+            Whether it comes from one of the run's processes, even one that has been replaced since.
         """
         if msg.pid not in self._children.pids or msg.host != self._host:
             return False
         name = self.name_of(msg)
-        if name in self._children.names():  # anybody can send one with any name
+        if name in self._children.names():  # anybody can send any name
             self._refused[msg.pid] = msg.refused
             if self._children.pid(name) == msg.pid:
                 self.arrivals += not self._is_up(name)
@@ -68,18 +68,18 @@ class Roster:
 
     @property
     def refused(self) -> int:
-        """Requests and messages that the run's children have refused, the dead ones' too."""
+        """Number of requests and messages that the run's children have refused, dead ones included."""
         return sum(self._refused.copy().values())
 
     def stale(self) -> dict[str, float]:
-        """Return seconds of silence by name, of the children that were heard but are stale, restarted or not."""
+        """Return seconds of silence by name for children that were heard but are stale, restarted or not."""
         now = time.monotonic()
         silence = {name: now - since for name, (_, since) in self._heard.copy().items()}
         there = self._children.names()
         return {name: s for name, s in silence.items() if s > STALE and name in there}
 
     def hanging(self, names: Iterable[str]) -> set[str]:
-        """Return which children have fallen silent; a process that was never heard may still be starting."""
+        """Return which children have gone silent; a process that was never heard may still be starting."""
         now = time.monotonic()
         there = self._children.names()
         return {

@@ -33,10 +33,10 @@ class Run:
         spec: Task.
         directory: Folder of the run.
         options: How the run is carried out.
-        progress: Where it is reported.
+        progress: Where progress is reported.
 
     Attributes:
-        watch: Publishes how it and its nodes are.
+        watch: Publishes the health of the run and its nodes.
     """
 
     def __init__(
@@ -91,10 +91,10 @@ class Run:
         control.create_subscription(NodeStatus, names.STATUS, self._heard, qos.STATUS)
 
     def grow(self) -> None:
-        """Do the generations that are left.
+        """Do the remaining generations.
 
         Raises:
-            StoppedError: The run was asked to stop.
+            StoppedError: The user stopped the run.
             PgaError: The run cannot continue.
         """
         settings = self._directory.settings
@@ -124,10 +124,10 @@ class Run:
         self._progress.enter("finished")
 
     def serve(self) -> None:
-        """Leave the archive manager to other nodes until the run is asked to stop.
+        """Keep the archive manager running for other nodes until the user stops the run.
 
         Raises:
-            StoppedError: The run was asked to stop.
+            StoppedError: The user stopped the run.
         """
         self._waiter.until(lambda: False)
 
@@ -137,14 +137,14 @@ class Run:
 
     @property
     def summary(self) -> str:
-        """What happened on the way, in words."""
+        """Summary of restarts, re-evaluations and refusals, as text."""
         return (
             f"{self._team.children.restarts} restarts, {self._critics.reevaluations} re-evaluations, "
             f"{self._team.roster.refused} refused requests"
         )
 
     def _look(self) -> None:
-        """Look after everything that may need it while something is waited for."""
+        """Look after children and evaluators during a wait."""
         if self._control.stop_requested.is_set():
             raise StoppedError
         self._team.tick()

@@ -1,4 +1,4 @@
-"""The nodes of one run: which there are, with which parameters, and whether all are alive."""
+"""The nodes of one run: their parameters, their start, and whether all are alive."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from pga_me_ros.ros.namesakes import listening_time
 from pga_me_ros.ros.refusals import printable
 
 SINGLETONS = ("archive_manager", "critic_trainer", "variation")
-"""Nodes of which a run has one each; their kind is their name."""
+"""Nodes that a run has once each; their kind is their name."""
 
 
 class Team:
@@ -32,7 +32,7 @@ class Team:
     Args:
         node: The orchestrator's node.
         directory: Folder of the run.
-        pool: Evaluators, told when one of ours died.
+        pool: Evaluators; it is told when a child among them dies.
 
     Attributes:
         children: Their processes.
@@ -61,10 +61,10 @@ class Team:
         )
 
     def start_learners(self) -> None:
-        """Start critic trainer and variation; what an interrupted generation trained is trained again.
+        """Start critic trainer and variation; trainings of an interrupted generation are repeated.
 
         Raises:
-            StorageError: A stored outcome of a training is damaged.
+            StorageError: The stored outcome of a training is damaged.
         """
         CriticCheckpoints(self._directory.path).discard_since(self._directory.next_generation)
         values = {
@@ -85,17 +85,17 @@ class Team:
         self.children.stop([n for n in self.children.names() if n != "archive_manager"])
 
     def heard(self, msg: NodeStatus) -> None:
-        """Take a node's heartbeat."""
+        """Process a node's heartbeat."""
         if self.roster.heard(msg):
             return
         if msg.kind in SINGLETONS or self.roster.name_of(msg) in self.children.names():
             self._foreign = msg
 
     def ready(self) -> bool:
-        """Whether every child has said that it is up, and nobody else has the names of ours.
+        """Whether every child has come up.
 
         Raises:
-            PgaError: Somebody else's node has the name of one of ours.
+            PgaError: Another node has the name of one of the children.
         """
         if self._foreign:
             raise name_is_taken(self._foreign)
@@ -104,10 +104,10 @@ class Team:
         return time.monotonic() - self._node.began >= listening_time(self._node, *SINGLETONS)
 
     def tick(self) -> None:
-        """Restart children that died and report those that have fallen silent.
+        """Restart children that died and report those that have gone silent.
 
         Raises:
-            ChildError: A child cannot be started, or dies again and again.
+            ChildError: A child cannot be started, or dies repeatedly.
         """
         for name in self.children.revive():
             self._node.get_logger().warning(f"{name} died and was restarted")
@@ -115,12 +115,12 @@ class Team:
         self._tell_of_silence()
 
     def _tell_of_silence(self) -> None:
-        """Say which of the nodes that the run cannot do without are silent, and when they are back."""
+        """Report which nodes that the run needs are silent, and when they are back."""
         silent = self.roster.hanging(SINGLETONS)
         for name in sorted(silent - self._silent):
             self._node.get_logger().warning(
                 f"{name} (process {self.children.pid(name)}) has been silent for {HANGING:.0f} s and the run waits for "
-                "it: if it is stopped, continue it (SIGCONT); if it hangs, kill it, and the run restarts it"
+                "it: if it is suspended, continue it (SIGCONT); if it hangs, kill it, and the run restarts it"
             )
         for name in sorted(self._silent - silent):
             self._node.get_logger().info(f"{name} is back")
@@ -128,7 +128,7 @@ class Team:
 
     def _start(self, kind: str, name: str, values: dict[str, Any]) -> None:
         path = self._parameters / f"{kind}.yaml"
-        # JSON is YAML too, and writes every number so that it is read back the same.
+        # JSON is also YAML, and every number is read back exactly.
         content = json.dumps({"/**": {"ros__parameters": values}}, indent=2)
         with explained(self._directory.path):
             replace_file(path, f"{content}\n".encode())
@@ -136,7 +136,7 @@ class Team:
 
 
 def name_is_taken(by: NodeStatus) -> PgaError:
-    """Return the error of a run of which a node has its namesake in the graph."""
+    """Return the error for a run one of whose nodes has a namesake in the graph."""
     who = printable(f"{by.node} (process {by.pid} on {by.host})")
     return PgaError(
         f"The name {who} is taken in this ROS domain. Stop that node, or give this "

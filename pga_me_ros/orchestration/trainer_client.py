@@ -1,4 +1,4 @@
-"""The generation loop's dealings with the critic trainer."""
+"""The generation loop's client of the critic trainer."""
 
 from __future__ import annotations
 
@@ -22,20 +22,20 @@ from pga_me_ros.ros.convert import flat, rates_to_msg, snapshot_from_msg
 from pga_me_ros.tasks.spec import TaskSpec
 
 ARRIVAL = 1.0
-"""Seconds that episodes get to arrive after their evaluation was answered, before they are fetched again."""
+"""Seconds that episodes get to arrive after their evaluation was answered, before it is repeated."""
 
 ROUNDS = 10
-"""Attempts to get the experience of a generation together."""
+"""Maximum attempts to collect the experience of a generation."""
 
 ASK_AGAIN = 2.0
-"""Seconds after which a training is asked for again: it may have failed, or its snapshot been lost."""
+"""Seconds after which a training is requested again: it may have failed, or its snapshot may be lost."""
 
 REMINDER = 0.2
 """Seconds between two requests for a snapshot that a node still waits for."""
 
 
 class TrainerClient:
-    """Starts trainings, waits for their snapshots, and sees to it that no experience is lost.
+    """Starts trainings, waits for their snapshots, and makes sure that no experience is lost.
 
     Args:
         node: The orchestrator's node.
@@ -44,8 +44,8 @@ class TrainerClient:
         settings: Settings of the run.
         clients: Services of the other nodes.
         pool: Evaluators, to repeat evaluations whose experience was lost.
-        waiter: How to wait.
-        incarnation: Returns the trainer's process id, which changes when it was restarted.
+        waiter: Waits for the trainer.
+        incarnation: Returns the trainer's process id, which changes when it is restarted.
     """
 
     def __init__(
@@ -74,28 +74,28 @@ class TrainerClient:
         self._best = node.create_client(GetBehavior, names.GET_BEHAVIOR, qos_profile=qos.CLIENT)
 
     def greedy(self, generation: int) -> Float32Array:
-        """Return the greedy controller (P,) of a generation whose snapshot is there."""
+        """Return the greedy controller (P,) of a generation whose snapshot has arrived."""
         return self._snapshots[generation].parameters(GREEDY)
 
     def has(self, order: TrainingOrder) -> bool:
-        """Whether the snapshot of a training that was started here has come."""
+        """Whether the snapshot of a training that was started here has arrived."""
         return order.generation in self._snapshots
 
     def start(self, order: TrainingOrder) -> None:
-        """Start a training; one that was done before has its snapshot published again."""
+        """Start a training; if it was done before, its snapshot is published again."""
         accepted(self._waiter, self._clients.train, self._request(order))
 
     def start_after(self, order: TrainingOrder, before: TrainingOrder) -> None:
-        """Have a training start as soon as the one before it is over.
+        """Have a training start as soon as the one before it is done.
 
-        A trainer that was restarted refuses, until the one before was started again; then `start` is what it takes.
+        A restarted trainer refuses this until the one before has been started again; `start` is needed then.
         """
         request = self._request(order)
         request.after = before.generation
         call(self._waiter, self._clients.train, request)
 
     def _request(self, order: TrainingOrder) -> Train.Request:
-        """Return what asks for a training, and expect its snapshot from now on."""
+        """Return the request for a training, and expect its snapshot from now on."""
         settings = self._settings.with_rates(order.rates)
         request = Train.Request(
             run_id=self._run_id, generation=order.generation, experience=order.experience
@@ -108,7 +108,7 @@ class TrainerClient:
         return request
 
     def wait_for(self, order: TrainingOrder) -> None:
-        """Wait until a training's snapshot is there, and start the training again if its node died."""
+        """Wait until a training's snapshot has arrived, and start the training again if its node died."""
         asked_of = 0
 
         def came_or_died() -> bool:
@@ -140,7 +140,7 @@ class TrainerClient:
                 raise PgaError(f"The critic trainer refused to store: {response.message}")
             missing = [k for k in response.missing if k in ids]
             self._node.get_logger().warning(
-                f"the experience of {len(missing)} evaluations was lost; they are done again"
+                f"the experience of {len(missing)} evaluations was lost; they are repeated"
             )
             self.reevaluations += len(missing)
             self._pool.repeat(missing)
@@ -152,7 +152,7 @@ class TrainerClient:
         )
 
     def _after_a_while(self, request: StoreExperience.Request) -> StoreExperience.Response:
-        """Ask again for a while: the last episodes may still be on their way."""
+        """Repeat the request for a while: the last episodes may still be on their way."""
         for pause in (0.01, 0.02, 0.05, 0.1, 0.2, ARRIVAL):
             self._waiter.pause(pause)
             response = call(self._waiter, self._clients.store_experience, request)
@@ -169,7 +169,7 @@ class TrainerClient:
 
     def _take(self, msg: CriticSnapshot) -> None:
         if msg.run_id != self._run_id or msg.generation not in self._ordered:
-            return  # of another run, or of no training of ours: one that is ordered later comes again
+            return  # of another run, or of a training not started here; one that is ordered later comes again
         try:
             snapshot = snapshot_from_msg(msg)
             require_fit(snapshot, self._spec, self._settings)

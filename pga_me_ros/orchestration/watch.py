@@ -1,4 +1,4 @@
-"""The orchestrator's view of its team: what it tells in /diagnostics, and what it sums up at the end."""
+"""The orchestrator's entries in /diagnostics about itself and its team."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pga_me_ros.ros.diagnostics import Diagnostics, silent
 
 
 class Watch:
-    """Publishes how the run and its children are.
+    """Publishes the health of the run and its children.
 
     Args:
         control: The orchestrator's node.
@@ -39,14 +39,14 @@ class Watch:
         self._restarts = 0
 
     def failed(self, reason: str) -> None:
-        """Note why the run cannot go on."""
+        """Note why the run cannot continue."""
         self._diagnostics.fault(reason)
 
     def publish(self, progress: Progress) -> None:
-        """Publish how the run is, and who is silent; to be called once a second."""
+        """Publish the run's health, and which children are silent; to be called once a second."""
         if self._children.restarts > self._restarts:
             self._restarts = self._children.restarts
-            self._diagnostics.disturbance("a node died and was started again")
+            self._diagnostics.disturbance("a node died and was restarted")
         self._diagnostics.queue = self._pool.waiting
         more = {
             "state": progress.state,
@@ -58,7 +58,7 @@ class Watch:
         self._diagnostics.publish(progress.evaluations, self._roster.refused, more, self._silent())
 
     def _silent(self) -> list[DiagnosticStatus]:
-        """Return entries about children that were there and are not heard of any more."""
+        """Return entries about children that have gone silent."""
         return [
             silent(self._roster.prefix + name, self._diagnostics.run_id, seconds)
             for name, seconds in self._roster.stale().items()

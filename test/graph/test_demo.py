@@ -76,7 +76,7 @@ def test_a_robot_in_another_process_gets_what_was_promised(twice: Twice) -> None
 @pytest.mark.slow
 def test_the_second_time_the_repertoire_is_there(twice: Twice) -> None:
     assert twice.codes[1] == 0, twice.outputs[1]
-    assert "has reached its budget before" in twice.outputs[1]
+    assert "has already reached its budget" in twice.outputs[1]
     assert twice.outputs[1].count("equal") == 2
 
 
