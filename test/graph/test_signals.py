@@ -172,7 +172,7 @@ def test_parameters_of_a_resumed_run_show_the_rates_in_force(
     run_dir = tmp_path / "run"
     run = under_way(graph, run_dir, **LONG)
     assert all(result.successful for result in set_parameters(probe, n_evo=7, iso_sigma=0.5))
-    run.wait_for_output("from the next generation on: iso_sigma")
+    run.wait_for_output("from the next generation: iso_sigma")
     at = run.output.count("generation")
     wait_until(lambda: run.output.count("generation") > at + 2, "generations with the new rates")
     end(run)

@@ -37,4 +37,4 @@ def test_repeated_episodes_are_counted() -> None:
 
 def test_ids_are_told_as_ranges() -> None:
     assert ranges([3, 7, 8, 9, 11]) == "3, 7-9, 11"
-    assert ranges(range(0, 40, 2)) == "0, 2, 4, 6, 8, 10, 12, 14 and 12 ranges more"
+    assert ranges(range(0, 40, 2)) == "0, 2, 4, 6, 8, 10, 12, 14 and 12 more ranges"

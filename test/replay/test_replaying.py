@@ -151,7 +151,7 @@ def not_finite(k: int) -> bytes:
         (
             [transitions(0)],
             ["--run-id", "b"],
-            "no experience of run b; there is that of run-of-the",
+            "no experience of run b, only of run-of-the",
         ),
         ([transitions(0), transitions(1, run_id="b")], [], "several runs: run-of-the-tests (1 ep"),
         ([transitions(0), transitions(1, task="a")], [], "contradict each other"),
