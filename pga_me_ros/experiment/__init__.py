@@ -1,1 +1,1 @@
-"""Runs a matrix of systems, tasks and seeds: each cell is a run of the graph in processes of its own."""
+"""Runs a matrix of systems, tasks and seeds: each cell is a run of the graph in its own processes."""

@@ -1,4 +1,4 @@
-"""``ros2 run pga_me_ros experiment FILE``: runs systems on tasks with several seeds, and goes on where it stopped."""
+"""``ros2 run pga_me_ros experiment FILE``: runs systems on tasks with several seeds, and resumes where it stopped."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ def main(args: Sequence[str] | None = None) -> int:
     """Carry out an experiment.
 
     Args:
-        args: Command line without the program's name, None for the process's own.
+        args: Command line without the program's name, None for that of this process.
 
     Returns:
-        Exit status: 0 when every run is finished, 1 when some failed, 2 for what cannot be started, 128 + the signal's
-        number when one ended it.
+        Exit status: 0 if every run is finished, 1 if some failed, 2 if it cannot start, 128 + the signal's number if
+        one ended it.
     """
     options = _parser().parse_args(args)
     code = 0
@@ -46,7 +46,7 @@ def main(args: Sequence[str] | None = None) -> int:
 
 
 def _listed(options: argparse.Namespace) -> int:
-    """Print the matrix, one cell a line, and how far each of them is."""
+    """Print the matrix, one line per cell with its progress."""
     for cell in read_experiment(options.file).chosen(options.cell):
         done = evaluations_so_far(cell.folder(_folder(options)))
         settings = cell.settings
@@ -56,7 +56,7 @@ def _listed(options: argparse.Namespace) -> int:
 
 
 def _carried_out(options: argparse.Namespace) -> int:
-    """Run the cells that are asked for; returns the exit status."""
+    """Run the chosen cells; return the exit status."""
     experiment, folder = read_experiment(options.file), _folder(options)
     cells = experiment.chosen(options.cell)
     cores = len(os.sched_getaffinity(0))
@@ -66,7 +66,7 @@ def _carried_out(options: argparse.Namespace) -> int:
     for cell in cells:
         require_own_run(cell, cell.folder(folder))
     make_folder(folder)
-    # Single cells may go on side by side, each with a lock of its own: array jobs, or several hosts with one disk.
+    # Single cells may run in parallel, each with its own lock: array jobs, or several hosts that share a disk.
     lock = None if options.cell else _locked(folder)
     try:
         _keep_copy(options.file, folder)
@@ -85,10 +85,10 @@ def _run(cells: Sequence[Cell], folder: Path, jobs: int, cores: int) -> int:
     for failure in matrix.failures:
         terminal.say(f"failed: {failure}")
     if signals.received:
-        terminal.say(f"stopped: {of} in {folder} are finished; the same command goes on from here")
+        terminal.say(f"stopped: {of} in {folder} are finished; the same command resumes")
         return signals.exit_code
     if matrix.failures:
-        terminal.say(f"{of} in {folder} are finished; the same command tries the others again")
+        terminal.say(f"{of} in {folder} are finished; the same command retries the others")
         return EXIT_FAILURES
     terminal.say(f"finished: {of} in {folder}")
     return 0
@@ -99,10 +99,10 @@ def _folder(options: argparse.Namespace) -> Path:
 
 
 def _locked(folder: Path) -> FileLock:
-    """Take the folder for this experiment alone.
+    """Lock the folder for this experiment.
 
     Raises:
-        LockedError: Another one has it.
+        LockedError: Another process uses the folder.
     """
     try:
         return FileLock(folder / LOCK)
@@ -114,25 +114,25 @@ def _keep_copy(file: Path, folder: Path) -> None:
     """Keep the experiment file in its folder.
 
     Raises:
-        StorageError: It cannot be written.
+        StorageError: The copy cannot be written.
     """
     copy, content = folder / COPY, file.read_bytes()
     with explained(copy):
         if not copy.exists() or copy.read_bytes() != content:
-            replace_file(copy, content, shared=True)  # cells that start side by side all do this
+            replace_file(copy, content, shared=True)  # cells that start in parallel all do this
 
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="experiment",
-        description="Run the systems, tasks and seeds that a YAML file names, as many side by side as there are cores. "
-        "The same command goes on where it stopped; `report FOLDER` compares what came out.",
+        description="Run the systems, tasks and seeds of a YAML file, as many in parallel as there are cores. "
+        "The same command resumes where it stopped; `report FOLDER` compares the results.",
     )
     parser.add_argument("file", type=Path, metavar="FILE", help="experiment file")
     parser.add_argument(
         "--folder", type=Path, help="where the runs are kept (experiments/NAME-OF-FILE)"
     )
-    parser.add_argument("--jobs", type=int, metavar="N", help="runs side by side (one per core)")
+    parser.add_argument("--jobs", type=int, metavar="N", help="runs in parallel (one per core)")
     parser.add_argument(
         "--cell",
         nargs="+",

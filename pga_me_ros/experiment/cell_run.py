@@ -1,4 +1,4 @@
-"""One cell under way: the processes that it takes, one after the other."""
+"""A cell being run: its processes, one after the other."""
 
 from __future__ import annotations
 
@@ -18,24 +18,24 @@ from pga_me_ros.process.child import ChildProcess, python_module
 
 
 class CellError(PgaError):
-    """A run failed; the others may go on."""
+    """A run failed; the others may continue."""
 
 
 class CellRun:
-    """The run of one cell in processes of its own.
+    """The run of one cell in its own processes.
 
     Args:
         cell: The cell.
         experiment: Folder of the experiment.
         name: Name of the experiment, first in the namespace.
-        evaluators: Evaluators of the run.
+        evaluators: Number of evaluators of the run.
         domain: ROS domain of the run.
 
     Attributes:
         cell: The cell.
         folder: Folder of the run.
-        log: File with what its processes print.
-        begun_with: Evaluations that were there before.
+        log: File with the output of its processes.
+        begun_with: Number of evaluations committed before.
     """
 
     def __init__(
@@ -54,13 +54,13 @@ class CellRun:
         self._started = time.monotonic()
 
     def start(self) -> bool:
-        """Start what is to be done first.
+        """Start the first process.
 
         Returns:
-            False when nothing is.
+            False if nothing is left to do.
 
         Raises:
-            PgaError: The stored run is damaged, or another process carries it out.
+            PgaError: The stored run is damaged, or another process is running it.
         """
         make_folder(self.folder.parent)
         self._lock = FileLock(self.folder.with_suffix(".lock"))
@@ -68,10 +68,10 @@ class CellRun:
         return self._next()
 
     def poll(self) -> bool:
-        """Go on with the next process when one has ended.
+        """Start the next process when one has ended.
 
         Returns:
-            Whether the run is still under way.
+            Whether the run is still in progress.
 
         Raises:
             CellError: A process failed.
@@ -89,7 +89,7 @@ class CellRun:
 
     @property
     def evaluations(self) -> int:
-        """Evaluations that are committed by now."""
+        """Number of evaluations committed so far."""
         return evaluations_so_far(self.folder)
 
     @property
@@ -99,21 +99,21 @@ class CellRun:
 
     @property
     def alive(self) -> bool:
-        """Whether a process of it is there."""
+        """Whether one of its processes is running."""
         return self._process is not None and self._process.alive
 
     def stop(self) -> None:
-        """Ask the process to end in good order."""
+        """Ask the process to stop."""
         if self._process:
             self._process.send(signal.SIGINT)
 
     def kill(self) -> None:
-        """End the process at once; what it has started ends by itself when it notices."""
+        """Kill the process; its children end by themselves when they notice."""
         if self._process:
             self._process.kill_session()
 
     def close(self) -> None:
-        """Wait for the process's end and let others have the cell."""
+        """Wait for the process to end and release the cell."""
         if self._process:
             self._process.wait()
             self._process.close_input()
@@ -121,7 +121,7 @@ class CellRun:
             self._lock.release()
 
     def _next(self) -> bool:
-        """Start the process that is to be next; returns whether there is one."""
+        """Start the next process; return whether there is one."""
         found = read_cell(self.cell, self.folder)
         if found.finished:
             return False

@@ -1,4 +1,4 @@
-"""Experiment files: YAML that names what is compared; every mistake is told before anything starts."""
+"""Experiment files: YAML that describes a comparison; every mistake is reported before anything starts."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from pga_me_ros.experiment.plan import Experiment, System
 KEYS = ("systems", "tasks", "seeds", "budget", "settings", "reference")
 LAYOUT = "expected the keys systems, tasks, seeds and budget; docs/experiment.md has an example"
 OF_THE_MATRIX = {"task": "tasks", "seed": "seeds", "evaluations": "budget"}
-"""Settings that the matrix itself decides, and the key that does."""
+"""Settings that the matrix decides, with the key that does."""
 
 
 REFERENCE = "pga_map_elites"
-"""What the others are compared with unless the file names another: p-values are against it (section 4.4)."""
+"""Default reference system: p-values compare the others with it (section 4.4)."""
 
 
 class _Loader(yaml.SafeLoader):
-    """Refuses a key that is given twice, of which YAML would silently take the last."""
+    """Refuses a key that is given twice, for which YAML would silently use the last value."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
         keys = [self.construct_object(key, deep=True) for key, _ in node.value]
@@ -43,7 +43,7 @@ def read_experiment(path: Path) -> Experiment:
         path: The file.
 
     Raises:
-        SettingsError: The file is missing, no YAML, or asks for what makes no sense.
+        SettingsError: The file is missing, is not YAML, or has an invalid key or value.
     """
     content = _loaded(path)
     try:
@@ -69,7 +69,7 @@ def _loaded(path: Path) -> Any:
         where = f" at line {mark.line + 1}" if mark else ""
         problem = getattr(error, "problem", None) or getattr(error, "reason", None) or error
         raise SettingsError(
-            f"Experiment file '{path}' is no valid YAML{where}: {problem}; {LAYOUT}."
+            f"Experiment file '{path}' is not valid YAML{where}: {problem}; {LAYOUT}."
         ) from None
 
 
@@ -85,17 +85,17 @@ def _experiment(content: Any) -> Experiment:
     seeds = _several(content.get("seeds"), "seeds", int, "1")
     budget = content.get("budget")
     if isinstance(budget, float) and budget.is_integer():
-        budget = int(budget)  # 1e6 is how people write a million
+        budget = int(budget)  # so that 1e6 can be written
     if type(budget) is not int:
         raise SettingsError(
-            f"budget is {_kind(budget)}; give the evaluations of each run, for example 20000."
+            f"budget is {_kind(budget)}; give the number of evaluations of each run, for example 20000."
         )
     names = [system.name for system in systems]
     reference = content.get("reference", REFERENCE if REFERENCE in names else names[0])
     if reference not in names:
         raise SettingsError(
-            f"reference is {reference!r}{nearest_name(str(reference), names)}; name one of the systems, with which "
-            f"the others are compared: {', '.join(names)}."
+            f"reference is {reference!r}{nearest_name(str(reference), names)}; give the system with which the others "
+            f"are compared: {', '.join(names)}."
         )
     experiment = Experiment(systems, tuple(tasks), tuple(seeds), budget, settings, reference)
     experiment.check()
@@ -103,9 +103,9 @@ def _experiment(content: Any) -> Experiment:
 
 
 def _systems(given: Any) -> tuple[System, ...]:
-    """Return the systems: names of algorithms, or names with the settings that make the difference.
+    """Return the systems: names of algorithms, or names with settings.
 
-    A system that is called like an algorithm is that algorithm.
+    A system with the name of an algorithm is that algorithm.
     """
     if isinstance(given, Mapping):
         pairs = list(given.items())
@@ -113,9 +113,7 @@ def _systems(given: Any) -> tuple[System, ...]:
         names = _several(given, "systems", str, "pga_map_elites")
         pairs = [(name, {"algorithm": name}) for name in names]
     if not pairs:
-        raise SettingsError(
-            "systems names none; name what is to be compared, for example [pga_map_elites]."
-        )
+        raise SettingsError("systems is empty; list what to compare, for example [pga_map_elites].")
     return tuple(_system(name, values) for name, values in pairs)
 
 
@@ -123,7 +121,7 @@ def _system(name: str, values: Any) -> System:
     settings = _settings(values or {}, f"system '{name}'")
     if name in RULES and settings.setdefault("algorithm", name) != name:
         raise SettingsError(
-            f"system '{name}' has the algorithm '{settings['algorithm']}'; give it a name that is no other algorithm's."
+            f"system '{name}' has the algorithm '{settings['algorithm']}'; do not give it another algorithm's name."
         )
     return System(name, settings)
 
@@ -135,7 +133,7 @@ def _settings(given: Any, where: str) -> dict[str, Any]:
     for name in given:
         if name in OF_THE_MATRIX:
             raise SettingsError(
-                f"{where} gives '{name}', which all runs have from the key '{OF_THE_MATRIX[name]}'; leave it out there."
+                f"{where} gives '{name}', which comes from the key '{OF_THE_MATRIX[name]}' for all runs; remove it."
             )
     return {
         str(name): tuple(value) if isinstance(value, list) else value
@@ -144,7 +142,7 @@ def _settings(given: Any, where: str) -> dict[str, Any]:
 
 
 def _several(given: Any, key: str, kind: type, example: str) -> Sequence[Any]:
-    """Return the entries of a list that has some, all of one type and none twice."""
+    """Return the entries of a non-empty list without duplicates, all of one type."""
     if not isinstance(given, list) or not given:
         found = "missing" if given is None else "empty" if given == [] else _kind(given)
         raise SettingsError(f"{key} is {found}; give a list such as [{example}].")

@@ -1,4 +1,4 @@
-"""The matrix under way: runs side by side, progress, failures, and a good end."""
+"""Runs the cells of a matrix in parallel, with progress, failures, and a clean end."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from pga_me_ros.process.signals import Signals
 from pga_me_ros.process.terminal import Terminal
 
 POLL = 0.2
-"""Seconds between two looks at the processes."""
+"""Seconds between two checks on the processes."""
 
 CALM = 60.0
-"""Seconds between two lines of progress where each stays, as in a log file."""
+"""Seconds between two progress lines if they are not overwritten, as in a log file."""
 
 PARTICIPANTS = 30
-"""Processes of a machine that surely find each other in one ROS domain: Fast DDS looks for the first 32."""
+"""Processes per machine that reliably find each other in one ROS domain: Fast DDS searches for the first 32."""
 
 SINGLE_NODES = 4
-"""Processes of a run beside its evaluators."""
+"""Number of processes of a run besides its evaluators."""
 
 
 @dataclass(frozen=True)
@@ -34,8 +34,8 @@ class Failure:
 
     Attributes:
         cell: Its cell.
-        reason: Why, in words.
-        log: File that tells more.
+        reason: Why it failed.
+        log: File with more information.
     """
 
     cell: Cell
@@ -43,7 +43,7 @@ class Failure:
     log: Path
 
     def __str__(self) -> str:
-        """Return it in a line."""
+        """Return the failure as one line."""
         return f"{self.cell.name}: {self.reason.rstrip('.')}. See {self.log}."
 
 
@@ -53,8 +53,8 @@ class Matrix:
     Args:
         cells: The cells to carry out.
         folder: Folder of the experiment.
-        jobs: Greatest number of runs at a time.
-        cores: Cores that they share.
+        jobs: Maximum number of runs in parallel.
+        cores: Number of cores that they share.
         domain: ROS domain of the first ones.
         terminal: Where progress is shown.
 
@@ -89,7 +89,7 @@ class Matrix:
         self.failures: list[Failure] = []
 
     def run(self, signals: Signals) -> None:
-        """Carry out all cells, or what a signal leaves time for; no process is left when it returns."""
+        """Carry out all cells, or stop at a signal; no process is left on return."""
         try:
             while (self._todo or self._running) and not signals.received:
                 self._start()
@@ -102,11 +102,11 @@ class Matrix:
 
     @property
     def finished(self) -> int:
-        """Number of cells that need nothing more."""
+        """Number of finished cells."""
         return self._finished
 
     def _start(self) -> None:
-        """Start runs in the places that are free."""
+        """Start runs in free places."""
         for slot in range(self._jobs):
             while slot not in self._running and self._todo:
                 cell = self._todo.pop(0)
@@ -126,7 +126,7 @@ class Matrix:
                     self._ended(run)
 
     def _look(self) -> None:
-        """Look after the runs that are under way."""
+        """Check on the running cells."""
         for slot, run in list(self._running.items()):
             try:
                 going = run.poll()
@@ -150,7 +150,7 @@ class Matrix:
         self._terminal.say(f"failed {self.failures[-1]}")
 
     def _show(self) -> None:
-        """Show progress: as often as it changes where it stays in one line, now and then elsewhere."""
+        """Show progress: once a second if the line is overwritten, else once a minute."""
         now = time.monotonic()
         if now < self._shown + (1.0 if self._terminal.in_place else CALM) or not self._running:
             return
@@ -161,7 +161,7 @@ class Matrix:
         self._terminal.show(self.progress())
 
     def progress(self) -> list[str]:
-        """Return the line of progress in parts, the least important last."""
+        """Return the parts of the progress line, the least important last."""
         failed = {failure.cell for failure in self.failures}
         left = {
             cell: budget - self._done[cell]
@@ -179,7 +179,7 @@ class Matrix:
         return [*parts, f"running {', '.join(run.cell.name for run in self._running.values())}"]
 
     def _end(self, signals: Signals) -> None:
-        """Stop what runs; whoever asks twice does not want to wait."""
+        """Stop all runs; kill them at a second signal."""
         self._terminal.close()
         for run in self._running.values():
             run.stop()
@@ -194,7 +194,7 @@ class Matrix:
 
 
 def duration(seconds: float) -> str:
-    """Return hours and minutes in words that stay as wide as they are."""
+    """Return hours and minutes as text of constant width."""
     if math.isnan(seconds):
         return "?"
     minutes = math.ceil(seconds / 60)

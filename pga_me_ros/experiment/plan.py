@@ -1,4 +1,4 @@
-"""The matrix of an experiment: which runs it consists of, and where each of them is."""
+"""The matrix of an experiment: its runs and their folders."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ COPY = "experiment.yaml"
 """Copy of the experiment file in the experiment's folder, for the report."""
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
-"""What can be part of a ROS namespace, and of a path anywhere."""
+"""Names that are valid in a ROS namespace, and in paths on any system."""
 
 
 @dataclass(frozen=True)
 class System:
-    """What is compared with others.
+    """One of the systems that are compared.
 
     Attributes:
         name: Its name in tables and pictures.
-        settings: The settings that make it what it is, by name.
+        settings: The settings that define it, by name.
     """
 
     name: str
@@ -43,7 +43,7 @@ class Cell:
         system: Name of the system.
         task: Name of the task as a setting.
         seed: Seed.
-        given: The settings that the experiment gives it, by name; all others have their defaults.
+        given: The settings that the experiment gives, by name; all others have their defaults.
     """
 
     index: int
@@ -62,35 +62,35 @@ class Cell:
         """All settings of the run.
 
         Raises:
-            SettingsError: One is unknown or has a value that makes no sense.
+            SettingsError: A setting is unknown or has an invalid value.
         """
         return Settings.from_mapping(dict(self.given))
 
     def folder(self, experiment: Path) -> Path:
-        """Return the folder of the run within that of the experiment."""
+        """Return the folder of the run within the folder of the experiment."""
         return experiment / self.system / short_name(self.task) / f"seed{self.seed}"
 
     def namespace(self, experiment: str) -> str:
-        """Return the ROS namespace of the run: no two runs of an experiment hear each other."""
+        """Return the ROS namespace of the run, which separates it from the experiment's other runs."""
         name = re.sub(r"\W", "_", experiment, flags=re.ASCII)
         head = name if NAME.fullmatch(name) else f"e_{name}"
         return f"/{head}/{self.system}/{short_name(self.task)}/seed{self.seed}"
 
 
 def short_name(task: str) -> str:
-    """Return a task's name without the module that it is in."""
+    """Return a task's name without its module."""
     return re.sub(r"\W", "_", task.rpartition(":")[2], flags=re.ASCII)
 
 
 @dataclass(frozen=True)
 class Experiment:
-    """What an experiment file asks for.
+    """The content of an experiment file.
 
     Attributes:
-        systems: What is compared.
-        tasks: On which tasks, as the setting of that name takes them.
+        systems: The systems that are compared.
+        tasks: Names of the tasks, as for the setting `task`.
         seeds: Seeds of the runs of each system on each task.
-        budget: Evaluations of each run.
+        budget: Number of evaluations of each run.
         settings: Settings that all runs share.
         reference: Name of the system with which the others are compared.
     """
@@ -104,7 +104,7 @@ class Experiment:
 
     @property
     def cells(self) -> list[Cell]:
-        """All runs, seed by seed, so that what is done first can be compared first."""
+        """All runs, seed by seed, so that complete comparisons are done first."""
         places = [
             (system, task, seed)
             for seed in self.seeds
@@ -121,20 +121,20 @@ class Experiment:
         return {**self._shared(system), **system.settings, **own}
 
     def _shared(self, system: System) -> dict[str, Any]:
-        """Return the shared settings that a system uses: networks of critics, say, mean nothing to MAP-Elites."""
+        """Return the shared settings that a system uses: MAP-Elites, for example, has no use for those of critics."""
         both = {**self.settings, **system.settings}
         algorithm = both.get("algorithm", Settings.algorithm)
         unused = useless(self.settings, algorithm, both.get("archive", Settings.archive))
         return {name: value for name, value in self.settings.items() if name not in unused}
 
     def chosen(self, words: list[str]) -> list[Cell]:
-        """Return the cells that words name, in the order of the matrix.
+        """Return the chosen cells, in the order of the matrix.
 
         Args:
-            words: Indices, names SYSTEM/TASK/SEED, or patterns such as ``td3/*/1``; none for all.
+            words: Indices, names SYSTEM/TASK/SEED, or patterns such as ``td3/*/1``; empty for all.
 
         Raises:
-            RequestError: A word names no cell.
+            RequestError: A word matches no cell.
         """
         cells = self.cells
         if not words:
@@ -155,22 +155,22 @@ class Experiment:
         """Check that every run can start and that they can be compared.
 
         Raises:
-            SettingsError: A name or setting makes no sense.
+            SettingsError: A name or setting is invalid.
             TaskError: A task is unknown.
         """
         for system in self.systems:
             if not isinstance(system.name, str) or not NAME.fullmatch(system.name):
                 raise SettingsError(
-                    f"the system {system.name!r} has a name that is no part of a ROS namespace; use letters, digits "
-                    "and underscores, a letter first."
+                    f"the system {system.name!r} has a name that is not valid in a ROS namespace; use letters, digits "
+                    "and underscores, beginning with a letter."
                 )
         named: dict[str, str] = {}
         for task in self.tasks:
             for name in {task_spec(task).name, short_name(task)}:
                 if named.setdefault(name, task) != task:
                     raise SettingsError(
-                        f"the tasks '{named[name]}' and '{task}' are both called '{name}'; runs of different tasks "
-                        "cannot be told apart by it: leave one out."
+                        f"the tasks '{named[name]}' and '{task}' are both called '{name}', so their runs would share a "
+                        "folder; remove one."
                     )
         self._check_settings()
 
@@ -189,12 +189,12 @@ class Experiment:
                 raise SettingsError(f"system '{cell.system}': {error}") from None
             if settings.generations <= settings.init_generations:
                 raise SettingsError(
-                    f"the budget of {self.budget} evaluations is spent on the {settings.random_init} random controllers"
-                    f" that system '{cell.system}' begins with (random_init, G); give more."
+                    f"the budget of {self.budget} evaluations is used up by the {settings.random_init} random "
+                    f"controllers that system '{cell.system}' starts with (random_init, G); give a larger budget."
                 )
             if settings in same:
                 raise SettingsError(
-                    f"the systems '{same[settings]}' and '{cell.system}' have the same settings; leave one out or say "
-                    "what the difference is."
+                    f"the systems '{same[settings]}' and '{cell.system}' have the same settings; remove one, or give "
+                    "the settings in which they differ."
                 )
             same[settings] = cell.system

@@ -1,4 +1,4 @@
-"""How far a cell of the matrix has come, as its stored run tells."""
+"""The progress of a cell of the matrix, according to its stored run."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ from pga_me_ros.experiment.plan import Cell
 from pga_me_ros.tasks.registry import task_spec
 
 LAST_ROW = 4096
-"""Bytes at the end of metrics.csv that hold its last row."""
+"""Bytes at the end of metrics.csv that are enough for its last row."""
 
 
 @dataclass(frozen=True)
 class StoredCell:
-    """What there is of a run.
+    """Progress of a run.
 
     Attributes:
-        evaluations: Evaluations that are committed.
+        evaluations: Number of committed evaluations.
         grown: Whether the budget is reached.
-        reevaluated: Whether the best controller of every generation was evaluated again.
+        reevaluated: Whether the best controller of every generation was re-evaluated.
     """
 
     evaluations: int
@@ -42,7 +42,7 @@ class StoredCell:
 
 
 def read_cell(cell: Cell, folder: Path) -> StoredCell:
-    """Look at the stored run of a cell.
+    """Read the progress of a cell from its stored run.
 
     Args:
         cell: The cell.
@@ -56,19 +56,19 @@ def read_cell(cell: Cell, folder: Path) -> StoredCell:
         return StoredCell(0, False, False)
     run = StoredRun.load(file, elites=False)
     generations, settings = len(run.generations), cell.settings
-    run.archive  # noqa: B018 - read so that damage is found now
+    run.archive  # noqa: B018 - read now to find damage
     grown = generations >= settings.generations
     ids = np.array([best.evaluation for best in run.bests()], np.int64)
-    # Of a run whose best controllers are not known there is nothing to evaluate again.
+    # If a run's best controllers are unknown, there is nothing to re-evaluate.
     reevaluated = grown and not run.reevaluations.missing(ids, REPEATS)
     return StoredCell(generations * settings.batch_size, grown, reevaluated)
 
 
 def require_own_run(cell: Cell, folder: Path) -> None:
-    """Make sure that a folder holds the run of a cell, or none; a damaged one is told when its turn comes.
+    """Make sure that a folder holds the run of a cell, or none; damage is reported later, when the cell is run.
 
     Raises:
-        StorageError: The folder holds a run of other settings.
+        StorageError: The folder holds a run with other settings.
     """
     if not (folder / REPERTOIRE).exists():
         return
@@ -84,18 +84,18 @@ def require_own_run(cell: Cell, folder: Path) -> None:
 
 
 def _require_same_rates(cell: Cell, folder: Path, started_with: Mapping[str, Any]) -> None:
-    """A run may change its rates on the way, but a comparison means those of its file."""
+    """Refuse other rates: a run may change its rates on the way, but a comparison is about those of its file."""
     own, now = Settings.from_stored(started_with).rates, cell.settings.rates
     changed = [f"{name}: {own[name]} != {now[name]}" for name in own if own[name] != now[name]]
     if changed:
         raise StorageError(
-            f"Cell {cell.name} in '{folder}' was begun with other rates (its own != yours): {'; '.join(changed)}. "
-            "Give the experiment another folder, or the rates that it was begun with."
+            f"Cell {cell.name} in '{folder}' was started with other rates (its own != yours): {'; '.join(changed)}. "
+            "Give the experiment another folder, or the rates that it was started with."
         )
 
 
 def evaluations_so_far(folder: Path) -> int:
-    """Return how many evaluations a run that may be under way has committed; costs next to nothing."""
+    """Return the number of evaluations that a run has committed, even while it runs; costs next to nothing."""
     try:
         with (folder / METRICS_FILE).open("rb") as file:
             file.seek(max(0, file.seek(0, 2) - LAST_ROW))
@@ -105,5 +105,5 @@ def evaluations_so_far(folder: Path) -> int:
         OSError,
         IndexError,
         ValueError,
-    ):  # not there yet, or no row but the names of the columns
+    ):  # the file does not exist yet, or has only column names
         return 0
