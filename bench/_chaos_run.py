@@ -1,4 +1,4 @@
-"""A run of the graph that things are done to: start it, look at it, kill what belongs to it; no bench itself."""
+"""A run of the graph for `chaos.py`: start it, observe it, kill its processes. Not a bench itself."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from _run_times import committed
 from pga_me_ros.core.storage.repertoire import Repertoire
 
 POLL = 0.02
-"""Seconds between two looks at what other processes do, of which nobody tells."""
+"""Seconds between two checks on other processes, which send no events."""
 
 PATIENCE = 180.0
-"""Seconds after which a run that does not get on is taken for stuck."""
+"""Seconds without progress after which a run counts as stuck."""
 
 ORPHAN_LIMIT = 5.0
 """Seconds within which the children of a killed orchestrator must be gone."""
 
 
 class ChaosError(Exception):
-    """The run did not do what it promises."""
+    """The run broke a promise."""
 
 
 class ChaosRun:
@@ -35,7 +35,7 @@ class ChaosRun:
     Args:
         folder: Folder of the run.
         parameters: ROS parameters of the orchestrator.
-        domain: ROS domain that it has for itself.
+        domain: ROS domain used by this run only.
     """
 
     def __init__(self, folder: Path, parameters: Mapping[str, Any], domain: int) -> None:
@@ -60,12 +60,12 @@ class ChaosRun:
 
     @property
     def generations(self) -> int:
-        """Number of generations that are committed."""
+        """Number of committed generations."""
         return len(committed(self.folder / "repertoire.db"))
 
     @property
     def output(self) -> str:
-        """All that the orchestrators of this run have printed."""
+        """All output of this run's orchestrators."""
         return self._output.read_text(errors="replace")
 
     def start(self) -> None:
@@ -80,7 +80,7 @@ class ChaosRun:
             )
 
     def children(self) -> dict[str, int]:
-        """Return the process ids of all living children by node name, orphans too."""
+        """Return the process ids of all living children by node name, orphans included."""
         mark = f"{self.folder}/parameters/"
         found = {}
         for entry in Path("/proc").iterdir():
@@ -88,17 +88,17 @@ class ChaosRun:
                 try:
                     words = (entry / "cmdline").read_bytes().decode().split("\0")
                 except OSError:
-                    continue  # it ended meanwhile
+                    continue  # it has ended
                 name = next((w.split(":=")[1] for w in words if w.startswith("__node:=")), "")
                 if name and any(w.startswith(mark) for w in words):
                     found[name] = int(entry.name)
         return found
 
     def wait_until(self, true: Callable[[], Any], what: str) -> None:
-        """Wait for something that happens while the run is under way.
+        """Wait for a condition during the run.
 
         Raises:
-            ChaosError: It does not, or the run has ended.
+            ChaosError: The condition does not come true, or the run has ended.
         """
         deadline = time.monotonic() + PATIENCE
         while not true():
@@ -111,26 +111,26 @@ class ChaosRun:
             time.sleep(POLL)
 
     def wait_for_generation(self, generation: int) -> None:
-        """Wait until so many generations are committed."""
+        """Wait until this many generations are committed."""
         self.wait_until(lambda: self.generations >= generation, f"generation {generation}")
 
     def send(self, name: str, number: signal.Signals) -> int:
-        """Send a child a signal, as soon as it is there, and return its process id."""
+        """Send a signal to a child as soon as it exists, and return its process id."""
         self.wait_until(lambda: name in self.children(), f"a living {name}")
         pid = self.children().get(name)
-        if pid is None:  # it ended between two looks
+        if pid is None:  # it ended between two checks
             return self.send(name, number)
         os.kill(pid, number)
         return pid
 
     def kill_orchestrator(self, *, with_children: bool) -> float:
-        """Kill the orchestrator by SIGKILL, and its children too or not.
+        """Kill the orchestrator with SIGKILL, with or without its children.
 
         Returns:
             Seconds until no child was left.
 
         Raises:
-            ChaosError: One is left after `ORPHAN_LIMIT`.
+            ChaosError: A child is left after `ORPHAN_LIMIT`.
         """
         others = list(self.children().values()) if with_children else []
         for pid in [self.process.pid, *others]:
@@ -147,7 +147,7 @@ class ChaosRun:
         """Wait for the end of the run and return the digest of its repertoire.
 
         Raises:
-            ChaosError: It fails, gets stuck or leaves something behind.
+            ChaosError: The run fails, gets stuck or leaves processes behind.
         """
         self.wait_until(lambda: self.process.poll() == 0, "its end")
         if left := self.children():
@@ -156,7 +156,7 @@ class ChaosRun:
             return repertoire.result_digest()
 
     def end(self) -> None:
-        """Leave no process behind, whatever happened."""
+        """End all processes, whatever happened."""
         for pid in self.children().values():
             os.kill(pid, signal.SIGKILL)
         if self._process is not None and self._process.poll() is None:

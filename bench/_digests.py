@@ -1,7 +1,7 @@
-"""The runs that `same_bits.py` compares, as a program that prints their digests as JSON; no bench itself.
+"""The runs that `same_bits.py` compares, as a program that prints their digests as JSON. Not a bench itself.
 
-It is run once per source tree, with that tree first in PYTHONPATH. So it uses only what every version has at the same
-address: `Search`, `Settings`, the tasks, the orchestrator, and the files of a run as SQLite and their layout give them.
+It is run once per source tree, with that tree first in PYTHONPATH. So it uses only what every version has in the same
+place: `Search`, `Settings`, the tasks, the orchestrator, and the files of a run, read by SQLite and by their layout.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from pga_me_ros.core.settings import Settings
 from pga_me_ros.tasks.registry import load_task
 
 Digests = dict[str, list[str]]
-"""Digests of a run by part, in the order of its generations where the part has one for each."""
+"""Digests of a run by part; a part may have one per generation, in order."""
 
 COMMON = {"seed": 11, "controller_hidden": (8, 8)}
 CRITICS = {
@@ -54,7 +54,7 @@ TASKS: dict[str, dict[str, Any]] = {
 }
 
 GENERATIONS = {"qd_hopper": 12, "qd_ant": 5}
-"""An episode of the ant is always 1000 steps long, one of a hopper that falls much shorter."""
+"""An episode of the ant is always 1000 steps long; a hopper falls much earlier."""
 RANDOM_GENERATIONS = 2
 
 OTHER_CHOICES = {
@@ -75,7 +75,7 @@ GRAPH_TIMEOUT = 300.0
 LINEAGE = ("cell", "evaluation", "generation", "operator", "parent1", "parent2")
 EPISODE = ("steps", "terminated")
 NOT_RESULT = ("rates", "committed", "elites_digest", "digest")
-"""Columns of a repertoire file that are settings, times or sums of other columns."""
+"""Columns of a repertoire file that hold settings, times or sums of other columns."""
 
 MAGIC = b"PGAMECK1"
 
@@ -84,7 +84,7 @@ def values_of(algorithm: str, task: str) -> dict[str, Any]:
     """Return the settings of a run."""
     chosen: dict[str, Any] = {**COMMON, **ALGORITHMS[algorithm], **TASKS[task]}
     chosen["evaluations"] = GENERATIONS[task] * chosen["batch_size"]
-    if algorithm != "map_elites_es":  # it starts from a single controller
+    if algorithm != "map_elites_es":  # it starts with a single controller
         chosen["random_init"] = RANDOM_GENERATIONS * chosen["batch_size"]
     if (algorithm, task) == ("pga_map_elites", "qd_ant"):
         chosen |= OTHER_CHOICES
@@ -92,7 +92,7 @@ def values_of(algorithm: str, task: str) -> dict[str, Any]:
 
 
 def digest(*values: Any) -> str:
-    """Return a digest of numbers, arrays, text and bytes, their types and shapes included."""
+    """Return a digest of numbers, arrays, text and bytes, including types and shapes."""
     out = hashlib.sha256()
     for value in values:
         if isinstance(value, str | bytes):
@@ -105,12 +105,12 @@ def digest(*values: Any) -> str:
 
 
 def digest_of_contents(arrays: Iterable[np.ndarray]) -> str:
-    """Return a digest of some arrays that neither their names nor their order change."""
+    """Return a digest of arrays that does not depend on their names or order."""
     return digest(*sorted(digest(array) for array in arrays))
 
 
 class RecordedSearch(Search):
-    """A search that digests all that it evaluates."""
+    """A search that digests everything it evaluates."""
 
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
@@ -157,7 +157,7 @@ def search(algorithm: str, task_name: str) -> Digests:
 
 
 def graph(algorithm: str, task: str) -> Digests:
-    """Carry out a run by the orchestrator, in a ROS domain of its own, and read its files.
+    """Carry out a run with the orchestrator, in a separate ROS domain, and read its files.
 
     Raises:
         SystemExit: The run failed.
@@ -215,12 +215,12 @@ def rows(connection: sqlite3.Connection, table: str, order: str) -> list[dict[st
 
 
 def results(row: Mapping[str, Any]) -> list[Any]:
-    """Return the columns of a row that are part of a result."""
+    """Return the columns of a row that are part of the result."""
     return [value for name, value in sorted(row.items()) if name not in NOT_RESULT]
 
 
 def stored(folder: Path, start: str, prefix: str = "") -> Iterator[list[np.ndarray]]:
-    """Yield, file by file, the arrays of a folder's checkpoints whose names begin with a prefix."""
+    """Yield, file by file, the arrays of a folder's checkpoints that have a name prefix."""
     for path in sorted(folder.glob(f"{start}*.ckpt")):
         content = path.read_bytes()
         begin = len(MAGIC) + 8
@@ -243,10 +243,10 @@ def main(tree: str, *options: str) -> None:
     """Print the digests of all runs; `options` may be 'no-graph'.
 
     Raises:
-        SystemExit: Another tree than that one was imported, or a run failed.
+        SystemExit: Python imported another tree, or a run failed.
     """
     if not Path(pga_me_ros.__file__).resolve().is_relative_to(Path(tree).resolve()):
-        raise SystemExit(f"Python imports {pga_me_ros.__file__} in place of what is in '{tree}'.")
+        raise SystemExit(f"Python imports {pga_me_ros.__file__}, not the tree '{tree}'.")
     out = {
         f"search {task} {algorithm}": search(algorithm, task)
         for task in TASKS

@@ -1,4 +1,4 @@
-"""What several benches measure with; no bench itself."""
+"""Measuring tools of several benches. Not a bench itself."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def product_rate(n: int = 256, repeats: int = 200) -> float:
 
 
 def spread(values: list[float]) -> dict[str, float]:
-    """Return median, least and greatest of some ratios."""
+    """Return median, minimum and maximum of some ratios."""
     return {
         "median": round(statistics.median(values), 3),
         "min": round(min(values), 3),

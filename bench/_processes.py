@@ -1,4 +1,4 @@
-"""Starting a run and looking at its processes; shared by the benches of the graph, no bench itself."""
+"""Starts a run and observes its processes; shared by the benches of the graph. Not a bench itself."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ MODULE_PREFIX = "pga_me_ros.nodes."
 def start_run(
     folder: str, values: Mapping[str, object], **variables: str
 ) -> subprocess.Popen[bytes]:
-    """Start the orchestrator; its progress goes nowhere, its errors to the terminal.
+    """Start the orchestrator; its progress is discarded, its errors go to the terminal.
 
     Args:
         folder: Folder of the run.
-        values: Parameters; the task may be one of the benches' own.
+        values: Parameters; the task may be one of those in bench/.
         variables: Further environment variables of its processes.
     """
     command = [sys.executable, "-m", f"{MODULE_PREFIX}orchestrator", "--ros-args"]
@@ -38,11 +38,11 @@ def wait_for_generation(process: subprocess.Popen[bytes], file: Path, generation
     while len(committed(file)) <= generation:
         if process.poll() not in (None, 0):
             raise SystemExit(f"the orchestrator ended with {process.returncode}")
-        time.sleep(0.1)  # nobody tells when another process has written to the file
+        time.sleep(0.1)  # no event tells that another process has written to the file
 
 
 def kinds_of_processes(orchestrator: int) -> list[tuple[int, str]]:
-    """Return the process ids of a run and what each is, as 'evaluator'; without what has ended meanwhile."""
+    """Return process id and kind, such as 'evaluator', of each of a run's processes; without those that have ended."""
     out = []
     for pid in [orchestrator, *_children_of(orchestrator)]:
         try:
@@ -55,7 +55,7 @@ def kinds_of_processes(orchestrator: int) -> list[tuple[int, str]]:
 
 
 def core_seconds(orchestrator: int) -> dict[str, float]:
-    """Return the core seconds that each kind of process of a run has used."""
+    """Return the core seconds used by each kind of process of a run."""
     out: dict[str, float] = {}
     for pid, kind in kinds_of_processes(orchestrator):
         out[kind] = out.get(kind, 0.0) + _used(Path(f"/proc/{pid}"))
@@ -65,7 +65,7 @@ def core_seconds(orchestrator: int) -> dict[str, float]:
 def listening_seconds(orchestrator: int) -> dict[str, float]:
     """Return the core seconds of the threads that send and receive: the first one and those of Fast DDS.
 
-    Whatever other threads a process has are there for its work.
+    All other threads of a process do its work.
     """
     out: dict[str, float] = {}
     for pid, kind in kinds_of_processes(orchestrator):
@@ -76,14 +76,14 @@ def listening_seconds(orchestrator: int) -> dict[str, float]:
 
 
 def idle_seconds() -> float:
-    """Return the seconds in which this machine's cores had nothing to do since it was started, all cores together."""
+    """Return the idle seconds of this machine since its start, summed over its cores."""
     with Path("/proc/stat").open() as lines:  # "cpu  user nice system idle iowait ..."
         times = next(lines).split()[1:]
     return (int(times[3]) + int(times[4])) / os.sysconf("SC_CLK_TCK")
 
 
 def _used(process: Path) -> float:
-    """Return the core seconds of a process or thread, 0 once it has ended."""
+    """Return the core seconds of a process or thread, 0 if it has ended."""
     try:
         stat = (process / "stat").read_text().rsplit(")", 1)[1].split()
     except OSError:

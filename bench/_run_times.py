@@ -1,4 +1,4 @@
-"""What a run under way has committed, and when; shared by the benches of the graph, no bench itself."""
+"""What a run has committed so far, and when; shared by the benches of the graph. Not a bench itself."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from typing import Any
 
 
 def committed(file: Path) -> list[float]:
-    """Return when each generation was committed, seconds; empty while there is no file yet."""
+    """Return when each generation was committed, s; empty if there is no file yet."""
     return [datetime.fromisoformat(text).timestamp() for text in _column(file, "committed")]
 
 
 def steps_of_generations(file: Path) -> list[int]:
-    """Return the control steps of each generation; empty while there is no file yet."""
+    """Return the control steps of each generation; empty if there is no file yet."""
     return [int(steps) for steps in _column(file, "steps")]
 
 

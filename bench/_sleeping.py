@@ -1,6 +1,6 @@
 """A task that sleeps for as long as physics would take and costs the machine next to nothing.
 
-With it, many evaluators fit on few cores, and what limits their throughput is the graph alone. It is no bench itself.
+With it, many evaluators fit on few cores, and only the graph limits their throughput. Not a bench itself.
 """
 
 from __future__ import annotations
@@ -13,10 +13,10 @@ import numpy as np
 from pga_me_ros.tasks.spec import TaskSpec
 
 EPISODE = 0.33
-"""Seconds per episode: 1000 steps of QDHalfCheetah take about as long."""
+"""Seconds per episode, about as long as 1000 steps of QDHalfCheetah take."""
 
 STEPS = 50
-"""Steps per episode; few, so that the controllers cost little."""
+"""Steps per episode; few, so that controllers cost little."""
 
 
 class SleepingTask:
@@ -44,18 +44,18 @@ class SleepingTask:
         self._place = np.zeros(2, np.float32)
 
     def reset(self, rng: np.random.Generator) -> np.ndarray:
-        """Sleep, and begin near the origin."""
+        """Sleep, then begin near the origin."""
         time.sleep(EPISODE)
         self._place = rng.uniform(-0.1, 0.1, 2).astype(np.float32)
         return self._place.copy()
 
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool]:
-        """Move by the action; what moves less earns more."""
+        """Move by the action; smaller actions earn more."""
         self._place = self._place + action / np.float32(STEPS)
         return self._place, -float(np.square(action).mean()), False
 
     def descriptor(self) -> np.ndarray:
-        """Return where it is, as shares of the square from -1 to 1."""
+        """Return the position, as shares of the square from -1 to 1."""
         return np.clip(0.5 + 0.5 * self._place.astype(np.float64), 0.0, 1.0)
 
     def close(self) -> None:

@@ -1,4 +1,4 @@
-"""Dividing the time of one process between named parts; no bench itself."""
+"""Divides the time of one process between named parts. Not a bench itself."""
 
 from __future__ import annotations
 
@@ -9,19 +9,19 @@ from typing import Any
 
 
 class Stopwatch:
-    """Times calls of functions; what runs within another timed call counts for the inner one alone.
+    """Times function calls; the time of nested timed calls counts only for the inner one.
 
     Attributes:
         seconds: Time per part since the last `clear`.
     """
 
     def __init__(self) -> None:
-        """Start with nothing timed."""
+        """Start without measurements."""
         self.seconds: dict[str, float] = {}
-        self._within: list[float] = []  # seconds of inner parts, per call under way
+        self._within: list[float] = []  # seconds of inner parts, per active call
 
     def clear(self) -> None:
-        """Forget what was timed so far."""
+        """Forget all measurements."""
         self.seconds = {}
 
     @contextmanager

@@ -1,6 +1,6 @@
-"""A task whose episodes cost little and say much, so that experience is published as fast as it ever will be.
+"""A task whose episodes cost little but hold much data, so that experience is published at the highest possible rate.
 
-With it, what holds up or fills an evaluator is the way of its experience, not physics. It is no bench itself.
+With it, publishing experience is what limits an evaluator, not physics. Not a bench itself.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ STEPS = 200
 
 
 class TalkativeTask:
-    """Shows a hundred numbers, 200 times per episode; follows the task protocol."""
+    """Gives observations of a hundred numbers, 200 per episode; follows the task protocol."""
 
     spec: ClassVar[TaskSpec] = TaskSpec(
         name="talkative",
@@ -45,12 +45,12 @@ class TalkativeTask:
         return self._numbers.copy()
 
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool]:
-        """Replace the first numbers by the action."""
+        """Replace the first numbers with the action."""
         self._numbers[:2] = action
         return self._numbers.copy(), 0.0, False
 
     def descriptor(self) -> np.ndarray:
-        """Return the last action, as a place in the unit square."""
+        """Return the last action, as a point in the unit square."""
         return np.clip(0.5 + 0.5 * self._numbers[:2].astype(np.float64), 0.0, 1.0)
 
     def close(self) -> None:

@@ -1,7 +1,7 @@
-"""Tasks of the benches whose runs note the core time of their work; no bench itself.
+"""Tasks for benches, whose runs record the core time of their work. Not a bench itself.
 
-An episode is timed from its reset to its descriptor, policy and transitions included. Of PG variation the time of the
-thread that was asked for it is noted: that thread listens as well.
+An episode is timed from its reset to its descriptor, including controller and transitions. For PG variation, the time
+of the thread that calls it is recorded; that thread also receives messages.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ import numpy as np
 from pga_me_ros.tasks.bullet.locomotion import LocomotionTask, QDHalfCheetah, QDWalker
 
 FOLDER = "PGA_ME_WORK_TIMES"
-"""Environment variable: where each process notes its time; without it, none does."""
+"""Environment variable with the folder where processes record their time; if it is not set, they do not."""
 
 EPISODES, PG_VARIATION = "episodes", "pg"
 """Kinds of work."""
 
 
 class _Note:
-    """A file that always tells the seconds so far of some work of this process."""
+    """A file that always holds the seconds that this process has spent on a kind of work."""
 
     def __init__(self, work: str) -> None:
         folder = os.environ.get(FOLDER)
@@ -63,7 +63,7 @@ class TimedHalfCheetah(_Timed, QDHalfCheetah):
 
 
 def seconds_of(work: str, folder: str | Path) -> float:
-    """Return the core seconds of a kind of work that all processes noted in a folder."""
+    """Return the core seconds of a kind of work that all processes recorded in a folder."""
     notes = [file.read_bytes() for file in Path(folder).glob(f"{work}-*")]
     return sum(struct.unpack("d", note)[0] for note in notes if note)
 
@@ -81,6 +81,6 @@ def _time_pg_variation(module: Any) -> None:
     module.pg_variation = timed
 
 
-# A run's nodes import its task; the one that makes offspring has that module by then, the others do without torch.
+# A run's nodes import its task; the variation node has imported that module by then, and the others import no torch.
 if FOLDER in os.environ and (_maker := sys.modules.get("pga_me_ros.core.variation.make_offspring")):
     _time_pg_variation(_maker)

@@ -1,9 +1,9 @@
-"""Adding and sampling 100 controllers against pyribs, and the latency of get_behavior while a run is at full load.
+"""Adding and sampling 100 controllers compared with pyribs, and the latency of get_behavior during a run at full load.
 
 Run: `.venv/bin/python bench/archive.py [--requests 500]`; the last line is JSON. Adding and sampling are measured in
 turn (A B A B ...) with an archive of pyribs that has the same cells and solutions. The latency is that of a client in
-this process while QDWalker runs with an evaluator per core, beside that of a service that does nothing (`resume`, of a
-run that is not paused) under the same load.
+this process while QDWalker runs with an evaluator per core, compared with that of a service that does nothing under
+the same load (`resume` of a run that is not paused).
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from pga_me_ros.tasks.registry import task_spec
 BATCH = 100
 WARM_UP = 20
 LEAD = 7
-"""Generations before the latency is measured: PG variation and training are under way then."""
+"""Generations before the latency is measured, after which PG variation and training run."""
 
 
 def against_pyribs(rounds: int) -> dict[str, dict[str, float]]:
@@ -71,7 +71,7 @@ def against_pyribs(rounds: int) -> dict[str, dict[str, float]]:
 
 
 def latencies(node: Any, client: Any, request: Any, count: int) -> np.ndarray:
-    """Return how long each of some calls took, seconds."""
+    """Return the durations of some calls, s."""
     client.wait_for_service()
     out = []
     for _ in range(count):
@@ -84,7 +84,7 @@ def latencies(node: Any, client: Any, request: Any, count: int) -> np.ndarray:
 
 
 def under_load(requests: int) -> dict[str, float]:
-    """Measure get_behavior while a run is under way; milliseconds, and ratios to a service that does nothing."""
+    """Measure get_behavior during a run; milliseconds, and ratios to a service that does nothing."""
     with tempfile.TemporaryDirectory() as folder:
         process = start_run(folder, {"evaluations": 1_000_000})
         try:

@@ -1,13 +1,13 @@
-"""The long proof that a run survives its processes: kills and stops at random moments, and the same repertoire.
+"""The long proof that a run survives the death of its processes: kills and suspends them at random moments.
 
 Run: `make chaos`, or `.venv/bin/python bench/chaos.py [--seed 0] [--kills 24] [--task qd_walker] [--part NAME]`; the
 last line is JSON, the exit code 0 only if every part ended with the repertoire of `core.search`, bit for bit.
 
-- `children`: children are killed by SIGKILL, each kind in turn in a random order, at random moments of generations with
-  PG variation; often while others are still being restarted.
-- `everything`: the orchestrator is killed, alone (its children must leave by themselves) or together with all its
+- `children`: children are killed with SIGKILL, each kind in turn in a random order, at random moments of generations
+  with PG variation; often while others are still being restarted.
+- `everything`: the orchestrator is killed, alone (its children must exit by themselves) or together with all its
   children, while it starts or works; the same command resumes.
-- `stopped`: children are stopped by SIGSTOP for longer than it takes to be missed, then go on as if nothing had been.
+- `stopped`: children are suspended with SIGSTOP for longer than it takes to be missed, then continued.
 """
 
 from __future__ import annotations
@@ -41,33 +41,33 @@ NAMES = ("evaluator_0", "evaluator_1", "critic_trainer", "variation", "archive_m
 BATCH = 20
 INIT_GENERATIONS = 2
 QUIET_GENERATIONS = 2
-"""Generations at the end in which nothing is done to the run."""
+"""Generations at the end in which the run is left alone."""
 
 KILLS_PER_GENERATION = 1.6
 """More than one, so that a node is also killed while others are being restarted."""
 
 WITHIN = 1.5
-"""Seconds after the end of a generation within which something is killed: some generations' worth."""
+"""Seconds after the end of a generation within which something is killed: a few generations' worth."""
 
 START = 4.0
-"""Seconds from the start of a run within which it is killed if it is to die while it starts."""
+"""Seconds after the start of a run within which it is killed if that should happen during the start."""
 
 PER_RESUME = 3
-"""Generations per kill of the orchestrator: more than the run does on average before it comes."""
+"""Generations per kill of the orchestrator: more than the run does on average before it."""
 
 PER_STOP = 8
-"""Generations per stop on average: many while an evaluator is stopped and the other goes on, few otherwise."""
+"""Generations per stop on average: many if an evaluator is suspended and the other continues, few otherwise."""
 
 STOPS = {"evaluator_0": 7.0, "critic_trainer": 12.0, "variation": 12.0, "archive_manager": 12.0}
-"""Seconds that children are stopped: an evaluator is missed after 5, a request is repeated after 10."""
+"""Seconds that children are suspended: an evaluator is missed after 5, a request is repeated after 10."""
 
 
 @dataclass
 class Record:
-    """What was done to a run and what came of it.
+    """What was done to a run, and with what effect.
 
     Attributes:
-        rows: One line per deed, for the table.
+        rows: One line per action, for the table.
         hits: How often each node was hit.
         orphans: Seconds that children outlived their orchestrator.
     """
@@ -77,14 +77,14 @@ class Record:
     orphans: list[float] = field(default_factory=list)
 
     def note(self, run: ChaosRun, what: str, name: str, more: str = "") -> None:
-        """Write down and print one deed."""
+        """Record and print one action."""
         self.hits[name] += 1
         self.rows.append(f"{len(self.rows) + 1:3} {what:5} {name:16} {run.generations:3}  {more}")
         print(self.rows[-1], flush=True)
 
 
 def settings_of(task: str, seed: int, generations: int) -> Settings:
-    """Return the settings of the runs: small nets, but everything that a whole run has, and generations of a second."""
+    """Return the settings of the runs: small networks, but all parts of a full run, and generations of a second."""
     return Settings(
         task=task,
         seed=seed,
@@ -133,7 +133,7 @@ def kill_everything(run: ChaosRun, rng: np.random.Generator, deeds: int, record:
     run.start()
     for i in range(deeds):
         done = run.generations
-        starting = i % 3 == 0  # the first time while it makes its folder, or little later
+        starting = i % 3 == 0  # the first time while it makes its folder, or shortly after
         if not starting:
             run.wait_for_generation(max(INIT_GENERATIONS, done + 1))
         time.sleep(rng.uniform(0.0, START if starting else WITHIN))
@@ -146,7 +146,7 @@ def kill_everything(run: ChaosRun, rng: np.random.Generator, deeds: int, record:
 
 
 def stop_children(run: ChaosRun, rng: np.random.Generator, deeds: int, record: Record) -> None:
-    """Stop children for a while, as a machine does that swaps or a debugger that looks."""
+    """Suspend children for a while, as swapping or a debugger does."""
     run.start()
     for i in range(deeds):
         name = list(STOPS)[i % len(STOPS)]
@@ -155,13 +155,13 @@ def stop_children(run: ChaosRun, rng: np.random.Generator, deeds: int, record: R
         pid = run.send(name, signal.SIGSTOP)
         time.sleep(STOPS[name])
         if run.children().get(name) != pid:
-            raise ChaosError(f"did not wait for {name}, which was stopped:\n{run.output}")
+            raise ChaosError(f"did not wait for {name}, which was suspended:\n{run.output}")
         os.kill(pid, signal.SIGCONT)
         record.note(run, "stop", name, f"process {pid}, for {STOPS[name]:.0f} s")
 
 
 def generations_of(part: str, deeds: int) -> int:
-    """Return how many generations a part takes, so that its last deed comes before the end."""
+    """Return the number of generations of a part, so that its last action comes before the end."""
     if part == "stopped":
         return INIT_GENERATIONS + PER_STOP * deeds
     busy = int(deeds / KILLS_PER_GENERATION) if part == "children" else PER_RESUME * deeds
@@ -180,7 +180,7 @@ PARTS: dict[str, Deeds] = {
 def carry_out(
     part: str, deeds: int, settings: Settings, folder: Path, digests: list[str], domain: int
 ) -> dict[str, Any]:
-    """Do one part, check its outcome and return its figures.
+    """Carry out one part, check its outcome and return its figures.
 
     Raises:
         ChaosError: The run failed, left something behind, or ended with another repertoire.
@@ -217,7 +217,7 @@ def carry_out(
 
 
 def main() -> int:
-    """Do all parts, and return the exit code."""
+    """Carry out all parts, and return the exit code."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seed", type=int, default=0, help="of the run and of the moments")
     parser.add_argument("--kills", type=int, default=24, help="of children")
@@ -241,7 +241,7 @@ def main() -> int:
                 for part, n in deeds.items()
             }
         except ChaosError as error:
-            print(f"FAILED: {error}\nlook into {folder}", file=sys.stderr)
+            print(f"FAILED: {error}\nsee {folder}", file=sys.stderr)
             return 1
     shutil.rmtree(folder)
     run = {"task": arguments.task, "seed": arguments.seed}

@@ -1,8 +1,8 @@
-"""300 critic steps of Table 1 against a plain torch TD3 loop, and against the arithmetic limit.
+"""300 critic steps of Table 1 compared with a plain torch TD3 loop, and with the arithmetic limit.
 
 Run: `.venv/bin/python bench/critic.py [--rounds 5] [--threads 1]`; the last line is JSON. Every
 figure is a ratio of two things measured in turn (A B A B ...) in this process. `two_workers` is the
-speed with the second critic on a thread of its own, against one thread.
+speed with the second critic on its own thread, relative to one thread.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class WalkerDimensions:
 
 
 class Textbook:
-    """The readable form of the same training, `td3_step.TextbookTd3`, with an array per column of the replay buffer."""
+    """The readable version of the training, `td3_step.TextbookTd3`, with one array per column of the replay buffer."""
 
     def __init__(self, spec: WalkerDimensions, settings: Settings, replay: ReplayBuffer) -> None:
         """Make the networks, and the arrays from the rows of a replay buffer."""
@@ -68,7 +68,7 @@ def products(sizes: tuple[int, ...], rows: int) -> int:
 
 
 def needed_operations(spec: WalkerDimensions, s: Settings) -> float:
-    """Return the operations that a critic step cannot do without, matrix products alone."""
+    """Return the operations that a critic step needs at least, counting only matrix products."""
     n, obs, act = s.transition_batch, spec.observation_dim, spec.action_dim
     actor_sizes, critic_sizes = (
         (obs, *s.controller_hidden, act),

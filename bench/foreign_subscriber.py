@@ -1,9 +1,9 @@
-"""What a subscriber that hangs costs an evaluator: evaluations per second with one against without, and memory.
+"""What a hanging subscriber costs an evaluator: evaluations per second with and without one, and memory.
 
 Run: `.venv/bin/python bench/foreign_subscriber.py [--rounds 6]`; the last line is JSON. One evaluator simulates a task
-whose episodes cost little and say much, so that it publishes 80 kB many times a second. Stretches without and with a
-subscriber take turns; it is RELIABLE, hears the first episodes and is then stopped (SIGSTOP), as a terminal that was
-suspended or a recorder whose disk hangs.
+whose episodes cost little but hold much data, so that it publishes 80 kB many times a second. Stretches without and
+with a subscriber take turns. The subscriber is RELIABLE, receives the first episodes and is then suspended (SIGSTOP),
+like a suspended terminal or a recorder whose disk hangs.
 """
 
 from __future__ import annotations
@@ -38,11 +38,11 @@ TASK = "_talkative:TalkativeTask"
 SHAPE = MlpShape((100, 4, 2))
 CHUNK = 20
 STRETCH = 25
-"""Chunks per stretch: 500 episodes, more than twice the history that an evaluator keeps."""
+"""Chunks per stretch: 500 episodes, more than twice an evaluator's history."""
 
 
 class Driver:
-    """Has an evaluator simulate chunk after chunk, and listens as the critic trainer does."""
+    """Has an evaluator simulate chunk after chunk, and subscribes like the critic trainer."""
 
     def __init__(self, node: Node) -> None:
         self._node = node
@@ -68,7 +68,7 @@ class Driver:
         self.asked += CHUNK
 
     def wait_for_all(self) -> None:
-        """Wait until every episode has arrived here."""
+        """Wait until every episode has arrived."""
         while self.arrived < self.asked:
             rclpy.spin_once(self._node, timeout_sec=0.1)
 
@@ -77,7 +77,7 @@ class Driver:
 
 
 def listen() -> None:
-    """Be the subscriber: a plain node that says when it hears something for the first time."""
+    """Run the subscriber: a plain node that reports the first message it receives."""
     rclpy.init()
     node = rclpy.create_node("foreign")
     heard: list[int] = []
@@ -93,11 +93,11 @@ def listen() -> None:
 
 @contextmanager
 def hung_subscriber(driver: Driver) -> Iterator[None]:
-    """Let a subscriber come, hear something and hang; it leaves in good order at the end."""
+    """Start a subscriber, let it receive a message, and suspend it; at the end, it exits cleanly."""
     process = subprocess.Popen(
         [sys.executable, __file__, "--listen"],
         stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,  # how rclpy ends is of no interest here
+        stderr=subprocess.DEVNULL,  # messages of rclpy at its end do not matter
     )
     assert process.stdout is not None
     try:
@@ -107,7 +107,7 @@ def hung_subscriber(driver: Driver) -> Iterator[None]:
         yield
     finally:
         process.send_signal(signal.SIGCONT)
-        process.terminate()  # not killed: others would take it for alive for another 20 s
+        process.terminate()  # not killed: others would consider it alive for another 20 s
         process.wait()
 
 

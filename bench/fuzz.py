@@ -1,12 +1,12 @@
-"""The long proof that nobody can spoil a run by what they send to it: a fuzzer in the ROS domain of a run under way.
+"""The long proof that nobody can harm a run with what they send to it: a fuzzer in the ROS domain of a run.
 
-Bad values for every parameter of every node come first: each must be refused in one line that names it.
+Bad values for every parameter of every node come first: each must be refused in one line that names the parameter.
 
 Run: `make fuzz`, or `.venv/bin/python bench/fuzz.py [--cases 10000] [--seed 0]`; the last line is JSON, the exit code 0
 only if every request got an answer, every malformed or foreign one a refusal with its reason, no node died, and the
 repertoire is that of `core.search` for the same generations, bit for bit.
 
-Memory is that of each node after a fifth of the cases and at the end; the replay buffer is full by the first.
+The memory of each node is measured after a fifth of the cases, when the replay buffer is full, and at the end.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from typing import Any
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
 
-# The same fuzzer as in the tests, where a few hundred of its cases are run each time.
+# The same fuzzer as in the tests, which run a few hundred of its cases.
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "test/graph"))
 
 from domain_coordinator import domain_id
@@ -41,10 +41,10 @@ RUN = {"evaluations": 10**7, "replay_size": 5000, "evaluators": 1}
 
 
 def fuzz_a_run(folder: Path, cases: int, seed: int) -> dict[str, Any]:
-    """Fuzz a run while it is under way, then stop it and compare its result.
+    """Fuzz a running run, then stop it and compare its result.
 
     Returns:
-        Figures; 'wrong' lists what was not as it should be.
+        Figures; 'wrong' lists what went wrong.
     """
     values = {**RUN, "seed": seed}
     run_dir = folder / "run"
@@ -93,12 +93,12 @@ def fuzz_a_run(folder: Path, cases: int, seed: int) -> dict[str, Any]:
             name: round(memory[-1][name] - memory[0][name], 1) for name in memory[-1]
         },
         "same_repertoire": same,
-        "wrong": wrong if same else [*wrong, "the repertoire is another one"],
+        "wrong": wrong if same else [*wrong, "the repertoire differs"],
     }
 
 
 def resident(pid: int) -> float:
-    """Return the memory that a process has in use, MB."""
+    """Return the memory that a process uses, MB."""
     try:
         pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
     except OSError:
@@ -107,7 +107,7 @@ def resident(pid: int) -> float:
 
 
 def deaths(run_dir: Path, before: dict[str, int], code: int | None) -> list[str]:
-    """Return in words what died."""
+    """Return which processes died, as text."""
     out = [] if code is None else [f"the orchestrator ended with {code}"]
     now = children(run_dir)
     return out + [f"{name} died" for name, pid in before.items() if now.get(name) != pid]

@@ -1,17 +1,18 @@
-"""The whole graph with two evaluators against `core.search` in one process, for the same generations.
+"""The whole graph with two evaluators compared with `core.search` in one process, for the same generations.
 
 Run: `.venv/bin/python bench/graph.py [--rounds 2] [--part early|late]`; the last line is JSON. Both do the same
 generations of the same seed in turn (A B A B ...), and must end with the same repertoire, bit for bit. `early` is
 QDWalker with its short first episodes, `late` QDHalfCheetah with 1000 steps in each.
 
-The shares are of the core time of the graph's generations. What episodes take is measured in the graph, and divided
-between physics and the Python around it as in one process, where calls are timed. Critic training, PG variation, the
-archive and the rest of the work (GA offspring, building controllers, keeping experience) take what they take in one
-process while a second one does the same on the other core, because two busy cores share caches and memory. How much
-slower each is than one alone is printed, too: no program can bring a generation below half of that. What training and
-PG variation take beyond that in the graph is crowding: threads of a training look for each other, and more threads than
-cores take turns. All else that its processes use is messages: serialising, copying, storing, waking up. Time in which a
-core was idle is waiting; the rest went to other processes of the machine, this one and the kernel's among them.
+The shares are those of the core time of the graph's generations. The time of episodes is measured in the graph, and
+divided between physics and the Python around it in the proportion measured in one process, where calls are timed.
+Critic training, PG variation, the archive and the rest of the work (GA offspring, building controllers, keeping
+experience) count as long as they take in one process while a second one does the same on the other core, because two
+busy cores share caches and memory. How much slower each is than one alone is printed, too: no program can bring a
+generation below half of that. What training and PG variation take beyond that in the graph is "crowding": threads of a
+training wait for each other, and more threads than cores take turns. Everything else that its processes use is
+"messages": serializing, copying, storing, waking up. Idle time of a core is "waiting"; the rest went to other processes
+of the machine, including this one and the kernel's.
 """
 
 from __future__ import annotations
@@ -61,7 +62,7 @@ SIMULATION = ("physics", "Python around physics")
 
 @dataclass(frozen=True)
 class Part:
-    """Generations that are compared: those after the first `skipped`."""
+    """The generations that are compared: those after the first `skipped`."""
 
     task: str
     random_init: int
@@ -77,16 +78,16 @@ PARTS = {
 
 @dataclass(frozen=True)
 class Measured:
-    """What the compared generations cost, and what came out.
+    """What the compared generations cost, and their result.
 
     Attributes:
         seconds: Time of each.
-        cores: Core seconds of all, by part of the work in one process, by kind of process in the graph.
+        cores: Core seconds of all: in one process by part of the work, in the graph by kind of process.
         digest: Digest of the repertoire.
         listening: Core seconds of the threads of each kind of process that send and receive.
         episodes: Core seconds of the evaluators' episodes.
         pg_variation: Core seconds of PG variation.
-        idle: Seconds of all cores in which they had nothing to do.
+        idle: Idle seconds, summed over the cores.
     """
 
     seconds: list[float]
@@ -99,7 +100,7 @@ class Measured:
 
 
 def settings_of(part: Part, seed: int) -> Settings:
-    """Return the settings of a part's run; Table 1 but for the number of random controllers."""
+    """Return the settings of a part's run: Table 1 except for the number of random controllers."""
     return Settings(
         task=part.task,
         seed=seed,
@@ -109,7 +110,7 @@ def settings_of(part: Part, seed: int) -> Settings:
 
 
 def run_search(part: Part, seed: int) -> Measured:
-    """Do the generations in this process."""
+    """Carry out the generations in this process."""
     task = load_task(part.task)()
     search = Search(task.spec, settings_of(part, seed))
     watch = Stopwatch()
@@ -135,7 +136,7 @@ def run_search(part: Part, seed: int) -> Measured:
 
 
 def run_search_beside_another(part: Part, seed: int) -> Measured:
-    """Do the generations in this process while another one does more of the same."""
+    """Carry out the generations in this process while another one does the same."""
     longer = replace(part, generations=10 * part.generations)
     other = multiprocessing.get_context("spawn").Process(
         target=run_search, args=(longer, seed), daemon=True
@@ -149,7 +150,7 @@ def run_search_beside_another(part: Part, seed: int) -> Measured:
 
 
 def run_graph(part: Part, seed: int) -> Measured:
-    """Do the generations with the graph."""
+    """Carry out the generations with the graph."""
     settings = settings_of(part, seed)
     with tempfile.TemporaryDirectory() as folder, tempfile.TemporaryDirectory() as notes:
         values = {
@@ -219,9 +220,9 @@ def measure(name: str, part: Part, rounds: int) -> dict[str, Any]:
         divided.append(shares(busy, graph))
         times.append(statistics.mean(graph.seconds))
         print(
-            f"{name} seed {seed}: one process {sum(alone.seconds):.1f} s, beside another "
+            f"{name} seed {seed}: one process {sum(alone.seconds):.1f} s, next to another "
             f"{sum(busy.seconds):.1f} s, graph {sum(graph.seconds):.1f} s; "
-            f"core seconds by process {rounded(graph.cores)}, of threads that listen "
+            f"core seconds by process {rounded(graph.cores)}, of threads that receive "
             f"{rounded(graph.listening)}, of episodes {graph.episodes:.2f}, of PG variation {graph.pg_variation:.2f}",
             flush=True,
         )
@@ -240,12 +241,12 @@ def measure(name: str, part: Part, rounds: int) -> dict[str, Any]:
 
 
 def rounded(seconds: dict[str, float]) -> dict[str, float]:
-    """Return core seconds for printing."""
+    """Return core seconds, rounded for printing."""
     return {kind: round(value, 2) for kind, value in seconds.items()}
 
 
 def draw(file: Path, figures: dict[str, dict[str, Any]]) -> None:
-    """Draw what the core time of a generation goes into, one bar per compared part of a run."""
+    """Draw how a generation's core time is used, one bar per compared part of a run."""
     mpl.use("Agg")
     from matplotlib import pyplot as plt
 
@@ -272,7 +273,7 @@ def main() -> None:
     arguments = parser.parse_args()
     if os.cpu_count() != CORES:
         raise SystemExit(
-            f"This bench divides the time of {CORES} cores; here are {os.cpu_count()}."
+            f"This bench divides the time of {CORES} cores; this machine has {os.cpu_count()}."
         )
     chosen = [arguments.part] if arguments.part else list(PARTS)
     figures = {name: measure(name, PARTS[name], arguments.rounds) for name in chosen}

@@ -1,13 +1,13 @@
-"""What a run of the paper's size takes on machines of any number of cores: a model made of costs measured here.
+"""How long a run of the paper's size takes on machines with any number of cores: a model with costs measured here.
 
 Run: `.venv/bin/python bench/paper_scale.py [--rounds 5] [--evaluations 1000000] [--steps 1000]`; the last line is JSON.
-Measured in turn in this process, medians over the rounds: a control step with its controller and its record, the
-critics' training of one generation with one thread and with two, and its PG variation. Batches, networks and steps are
-those of Table 1.
+Measured in turn in this process, medians over the rounds: a control step with its controller and the record of it, the
+critics' training of one generation with one and with two threads, and its PG variation. Batches, networks and steps
+are those of Table 1.
 
-A generation takes the longest of three things: all its work, spread over the cores; the critics' training with two
-threads, as there is no work for a third; and what comes one after the other between two snapshots, PG variation and the
-episodes of its offspring. `--messages` is what else a generation costs, in core seconds: see `bench/graph.py`.
+A generation takes the longest of three times: all its work, spread over the cores; the critics' training with two
+threads, as there is no work for a third; and what has to happen in sequence between two snapshots, PG variation and
+the episodes of its offspring. `--messages` is what else a generation costs, in core seconds: see `bench/graph.py`.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ class Costs:
     Attributes:
         step: One control step of one robot.
         training: The critics' training of one generation.
-        training_by_two: The time that it takes with two threads, which have a core each.
+        training_by_two: Its time with two threads on a core each.
         pg: PG variation of one generation.
     """
 
@@ -103,13 +103,13 @@ def measure(task_name: str, rounds: int) -> Costs:
 
 
 def generation_seconds(costs: Costs, steps: int, cores: int, messages: float) -> float:
-    """Return the time of a generation by the model.
+    """Return the time of a generation according to the model.
 
     Args:
-        costs: What its parts cost.
+        costs: Costs of its parts.
         steps: Steps of each episode.
         cores: Cores of the machine.
-        messages: What else it costs, core seconds.
+        messages: Other costs, core seconds.
     """
     s = Settings()
     episode = steps * costs.step
@@ -120,7 +120,7 @@ def generation_seconds(costs: Costs, steps: int, cores: int, messages: float) ->
 
 
 def main() -> None:
-    """Measure, print the table."""
+    """Measure, and print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--evaluations", type=int, default=1_000_000)

@@ -1,4 +1,4 @@
-"""PG variation of 50 offspring by 10 steps each, against one at a time in plain torch.
+"""PG variation of 50 offspring by 10 steps each, compared with one at a time in plain torch.
 
 Run: `.venv/bin/python bench/pg_variation.py [--rounds 5] [--workers 1]`; the last line is JSON.
 Every figure is a ratio of two things measured in turn (A B A B ...) in this process.
@@ -49,7 +49,7 @@ def textbook_offspring(
 
 
 def needed_operations(rows: int) -> int:
-    """Return the operations of one step of one offspring, matrix products alone."""
+    """Return the operations of one step of one offspring, counting only matrix products."""
     (obs, first, *_), (_, critic_first, *_) = CONTROLLER.sizes, CRITIC.sizes
     act = CONTROLLER.sizes[-1]
     actor = sum(2 * rows * a * b for a, b in pairwise(CONTROLLER.sizes))

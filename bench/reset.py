@@ -1,4 +1,4 @@
-"""The cost of a new episode: our reset against stock pybullet_envs and against our own steps.
+"""The cost of a new episode: our reset compared with stock pybullet_envs and with our own steps.
 
 Run: `.venv/bin/python bench/reset.py [--rounds 15]`; the last line is JSON. Every figure is a
 ratio of things measured in turn (A B A B ...) in this process, the median over rounds. Each reset

@@ -1,8 +1,8 @@
-"""Simulation steps of our tasks against stock pybullet_envs and against the bare physics engine.
+"""Simulation steps of our tasks compared with stock pybullet_envs and with the bare physics engine.
 
 Run: `.venv/bin/python bench/rollout.py [--rounds 9]`; the last line is JSON. Every figure is a
 ratio of things measured in turn (A B C A B C ...) in this process, the median over rounds. Episodes
-are the same bit for bit on all sides: same initial poses, same actions.
+are the same on all sides, bit for bit: same initial poses, same actions.
 """
 
 from __future__ import annotations
@@ -90,7 +90,7 @@ def time_ours(task: Any, script: Script) -> float:
 
 
 def time_physics(task: Any, script: Script) -> float:
-    """Time in stepSimulation alone, of the same motion."""
+    """Return the time in stepSimulation only, for the same motion."""
     total, world = 0.0, task._world
     task.reset(generator(script.seed))
     for forces in [task._torques(action.tolist()) for action in script.actions]:
@@ -119,7 +119,7 @@ def torch_policy(controller: MlpController) -> nn.Sequential:
 
 
 def plain_episode(environment: Any, policy: nn.Sequential, seed: int, limit: int) -> int:
-    """Run an episode as a plain loop does: torch policy, one row stacked per step."""
+    """Run an episode in a plain loop: torch policy, one row stacked per step."""
     state = stock_reset(environment, seed)
     states, actions, rewards = state[None], None, []
     for _ in range(limit):
@@ -154,7 +154,7 @@ def measure_task(name: str, rounds: int) -> dict[str, list[float]]:
         "episode_vs_plain": [],
     }
     for _ in range(rounds):
-        # Turns are as short as one episode, so that a disturbance falls on all sides alike.
+        # Turns are as short as one episode, so that a disturbance affects all sides.
         times = np.zeros(5)
         for script in scripts:
             times[0] += time_stock(environment, script)

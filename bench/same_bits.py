@@ -1,14 +1,14 @@
-"""Whether this checkout ends runs with the same bits as an older revision: for changes that must not change results.
+"""Whether this checkout gives the same results as an older revision, bit for bit.
 
 Run: `make same-bits REV=HEAD~3`, or `.venv/bin/python bench/same_bits.py REV [--digests FILE]`; the last line is JSON,
-the exit code 0 only if every run has the same bits. Both trees do tiny runs of all six algorithms on two tasks in one
-process, and one run by the node graph. Compared are the offspring, episodes and metrics of every generation, the
-elites, and what was learned.
+the exit code 0 only if every run has the same bits. Both trees carry out tiny runs of all six algorithms on two tasks
+in one process, and one run with the node graph. Compared are the offspring, episodes and metrics of every generation,
+the elites, and what was learned.
 
 The older revision is checked out into a temporary folder, but uses this checkout's environment. So its graph cannot
-run once the message definitions have changed: to compare it all the same, take the digests before, with `--digests`. A
-file that is not there yet is written; one that is there takes the place of the older runs. Digests hold for one machine
-type and one set of library versions.
+run if the message definitions have changed. To compare it nevertheless, save its digests before, with `--digests`: the
+file is written if it does not exist, and replaces the older runs if it does. Digests are valid for one machine type and
+one set of library versions.
 """
 
 from __future__ import annotations
@@ -27,17 +27,17 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 PER_GENERATION = ("offspring", "episodes", "metrics")
-"""Parts of a run that have a digest for each generation."""
+"""Parts of a run that have a digest per generation."""
 
 Runs = dict[str, dict[str, list[str]]]
 """Digests by run and part."""
 
 
 def git(*arguments: str) -> str:
-    """Return what a git command prints.
+    """Return the output of a git command.
 
     Raises:
-        SystemExit: It failed.
+        SystemExit: The command failed.
     """
     done = subprocess.run(
         ["git", *arguments], cwd=ROOT, capture_output=True, text=True, check=False
@@ -63,7 +63,7 @@ def digests_of(tree: Path, *options: str) -> Runs:
     """Carry out all runs with the code of a source tree.
 
     Raises:
-        SystemExit: One of them failed.
+        SystemExit: A run failed.
     """
     command = [sys.executable, str(ROOT / "bench/_digests.py"), str(tree), *options]
     done = subprocess.run(
@@ -81,29 +81,29 @@ def digests_of(tree: Path, *options: str) -> Runs:
 
 
 def older_digests(revision: str) -> Runs:
-    """Carry out all runs with the code of a revision; the graph's only where it can run here."""
+    """Carry out all runs with the code of a revision; that of the graph only if it can run here."""
     changed = git("diff", "--name-only", revision, "--", "msg_defs")
     with checked_out(revision) as tree:
         return digests_of(tree, *(["no-graph"] if changed else []))
 
 
 def saved_digests(file: Path, revision: str) -> Runs:
-    """Return the digests that an earlier call has saved.
+    """Return the digests that an earlier call saved.
 
     Raises:
-        SystemExit: They are those of another revision.
+        SystemExit: The digests are those of another revision.
     """
     saved = json.loads(file.read_text())
     if saved["revision"] != revision:
         raise SystemExit(
-            f"'{file}' has the digests of {saved['revision']}, not of {revision}; name another file, or that revision."
+            f"'{file}' has the digests of {saved['revision']}, not of {revision}; give another file, or that revision."
         )
     runs: Runs = saved["runs"]
     return runs
 
 
 def difference(older: dict[str, list[str]], ours: dict[str, list[str]]) -> str:
-    """Return in words where two runs differ; nothing if they don't."""
+    """Return where two runs differ, as text; empty if they do not."""
     parts = [name for name in {**older, **ours} if older.get(name) != ours.get(name)]
     if not parts:
         return ""
@@ -118,7 +118,7 @@ def difference(older: dict[str, list[str]], ours: dict[str, list[str]]) -> str:
 
 
 def compare(older: Runs, ours: Runs) -> dict[str, str]:
-    """Print a row per run; return 'same', or where they differ, by run."""
+    """Print one row per run; return, by run, 'same' or where they differ."""
     rows = {}
     for name, digests in ours.items():
         if name not in older:

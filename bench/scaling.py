@@ -1,8 +1,8 @@
-"""Evaluations per second with more and more evaluators, against one.
+"""Evaluations per second with more and more evaluators, relative to one.
 
 Run: `.venv/bin/python bench/scaling.py [--part real|sleeping]`; the last line is JSON. `real` simulates QDHalfCheetah,
 whose physics needs a core per evaluator. `sleeping` has evaluators that sleep for as long as physics would take, so
-that nothing but the graph limits how many of them are of use.
+that only the graph limits how many of them are useful.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from _processes import start_run
 from _run_times import committed
 
 GENERATIONS = 4
-"""Generations per run, all by genetic variation; the first is left out."""
+"""Generations per run, all by genetic variation; the first does not count."""
 
 
 @dataclass(frozen=True)
 class Part:
-    """What is run with which numbers of evaluators."""
+    """A task, and the numbers of evaluators to run it with."""
 
     task: str
     batch_size: int

@@ -3,7 +3,7 @@
 Run: `.venv/bin/python bench/soak.py [--generations 1000] [--out FOLDER] [-p name:=value ...]`; the last line is JSON.
 Memory is proportional set size, so that pages shared by processes count once. Networks, archive and replay buffer are
 those of Table 1 on QDWalker. Critics and PG offspring take fewer steps per generation unless -p says otherwise, which
-changes the time and not the memory. The growth is the slope of the line through the samples since the buffer was full.
+changes the time but not the memory. The growth is the slope of the line through the samples after the buffer was full.
 """
 
 from __future__ import annotations
@@ -38,8 +38,8 @@ class Sample:
     """Memory at one moment.
 
     Attributes:
-        generation: Generations committed.
-        transitions: Transitions in the replay buffer.
+        generation: Number of committed generations.
+        transitions: Number of transitions in the replay buffer.
         memory: Proportional set size per kind of process, megabytes.
     """
 
@@ -54,7 +54,7 @@ class Sample:
 
 
 def proportional_set_size(pid: int) -> float:
-    """Return the memory of a process, megabytes; 0 once it has ended."""
+    """Return the memory of a process, megabytes; 0 if it has ended."""
     try:
         lines = Path(f"/proc/{pid}/smaps_rollup").read_text().splitlines()
     except OSError:
@@ -63,7 +63,7 @@ def proportional_set_size(pid: int) -> float:
 
 
 def sampled(process: subprocess.Popen[bytes], file: Path) -> Iterator[Sample]:
-    """Yield a sample per period while a run is under way."""
+    """Yield a sample per period during a run."""
     while process.poll() is None:
         memory: dict[str, float] = {}
         for pid, kind in kinds_of_processes(process.pid):

@@ -27,10 +27,10 @@ STANDARD = {
     "TFMessage": "tf2_msgs",
     "Trigger": "std_srvs",
 }
-"""Packages of the types that are not our own."""
+"""Packages of the types that other packages define."""
 
 DRAWN = {"HEATMAP": "Image", "GRID": "OccupancyGrid"}
-"""Types of the topics that archive_pictures.py makes by a loop."""
+"""Types of the topics that archive_pictures.py creates in a loop."""
 
 PAGE = """\
 # Interface: topics, services and types
@@ -70,7 +70,7 @@ class Offer:
 
 
 def offers() -> list[Offer]:
-    """Return what the nodes offer, as the calls in their sources say; sorted."""
+    """Return what the nodes offer according to the calls in their source code, sorted."""
     found = set(_drawn())
     for path in sorted(PACKAGE.rglob("*.py")):
         for node in ast.walk(ast.parse(path.read_text())):
@@ -132,9 +132,9 @@ def _service_rows(found: list[Offer]) -> str:
 
 
 def _definition(path: Path) -> str:
-    """Return a .msg or .srv file in Markdown: what it says at its top, and a table of its fields.
+    """Return a .msg or .srv file in Markdown: the comment at its top, and a table of its fields.
 
-    A comment right above a field is its meaning; one with an empty line below it is about all that follows.
+    A comment right above a field explains it; one followed by an empty line is about everything below it.
     """
     about, rows, comment = [], [], []
     part = "request" if path.suffix == ".srv" else ""

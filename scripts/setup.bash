@@ -1,8 +1,8 @@
-# Source this file in bash: puts the environment that holds it, with pga_me_ros and pga_me_msgs, in front.
-# The set-up installs it as .venv/setup.bash.
+# Source this file in bash: activates the environment around it, with pga_me_ros and pga_me_msgs.
+# The setup installs it as .venv/setup.bash.
 _pga_me_prefix="$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)"
 
-# Puts the environment's entry in front of a colon-separated variable; sourcing twice changes nothing.
+# Prepends an entry of the environment to a colon-separated variable; sourcing twice changes nothing.
 _pga_me_prepend() {
     case ":${!1-}:" in
         *":$2:"*) ;;
@@ -15,7 +15,7 @@ _pga_me_prepend AMENT_PREFIX_PATH "$_pga_me_prefix"
 _pga_me_prepend CMAKE_PREFIX_PATH "$_pga_me_prefix"
 export VIRTUAL_ENV="$_pga_me_prefix"
 export ROS_DISTRO=jazzy ROS_VERSION=2 ROS_PYTHON_VERSION=3
-# The wheels hold this middleware and no other.
+# The wheels contain only this middleware.
 case "${RMW_IMPLEMENTATION:-rmw_fastrtps_cpp}" in
     rmw_fastrtps_cpp) ;;
     *) echo "RMW_IMPLEMENTATION was $RMW_IMPLEMENTATION; this environment has rmw_fastrtps_cpp only, and sets that." >&2 ;;

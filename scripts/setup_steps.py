@@ -1,6 +1,6 @@
-"""What each step of the set-up does; setup_venv.py decides which of them are due.
+"""The steps of the setup; setup_venv.py decides which of them are due.
 
-Only the standard library is used, since this runs before anything is installed.
+Only the standard library is used, because this runs before anything is installed.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ ROOT = Path(__file__).resolve().parent.parent
 VENV = ROOT / ".venv"
 LOG = VENV / "setup.log"
 BUILDS = VENV / "build"
-# Against the wheels, CMake needs this wherever an interface package is built.
+# With the wheels, CMake needs this for every interface package.
 CMAKE_FOR_WHEELS = f"-DCMAKE_PROJECT_INCLUDE={ROOT / 'scripts' / 'drop_missing_includes.cmake'}"
 REQUIREMENTS = ("run.txt", "build.txt", "test.txt")
 LOG_LINES_SHOWN = 10
@@ -26,13 +26,13 @@ BOOTSTRAP_GUARD = "_ROS_WHEELS_BOOTSTRAP_COMPLETE"
 
 
 class SetupError(Exception):
-    """The set-up cannot go on; the message says why and what to do."""
+    """The setup cannot continue; the message says why and what to do."""
 
 
 def clean_environment() -> dict[str, str]:
-    """Return the tools' environment: .venv first, nothing of another Python, workspace or make."""
+    """Return the environment for tools: .venv first, nothing from another Python, workspace or make."""
     environment = dict(os.environ)
-    # With its guard set the wheels' bootstrap trusts LD_LIBRARY_PATH; both may be another venv's.
+    # If its guard is set, the wheels' bootstrap trusts LD_LIBRARY_PATH; both may be another venv's.
     if environment.pop(BOOTSTRAP_GUARD, None):
         environment.pop("LD_LIBRARY_PATH", None)
     for name in (
@@ -52,16 +52,16 @@ def clean_environment() -> dict[str, str]:
 
 
 def telling_lines(output: list[str]) -> list[str]:
-    """Return the first lines that name an error (a parallel build buries them), else the last."""
+    """Return the first lines that mention an error (a parallel build buries them), else the last lines."""
     errors = [line for line in output if re.search(r"\berror\b", line, re.IGNORECASE)]
     return errors[:LOG_LINES_SHOWN] or output[-LOG_LINES_SHOWN:]
 
 
 def run_logged(*command: str | Path, cwd: Path = ROOT) -> None:
-    """Run a command with its output in the log.
+    """Run a command and log its output.
 
     Raises:
-        SetupError: it failed; the message holds the end of its output.
+        SetupError: The command failed; the message has the end of its output.
     """
     VENV.mkdir(exist_ok=True)
     with LOG.open("a") as log:
@@ -79,17 +79,17 @@ def run_logged(*command: str | Path, cwd: Path = ROOT) -> None:
     if result.returncode:
         output = LOG.read_bytes()[began:].decode(errors="replace").splitlines()
         raise SetupError(
-            "\n".join([*telling_lines(output), f"error: set-up failed; the whole log is {LOG}"])
+            "\n".join([*telling_lines(output), f"error: setup failed; the whole log is {LOG}"])
         )
 
 
 def base_python() -> str:
-    """Return the interpreter that venvs are made from, also when .venv's python runs this."""
+    """Return the interpreter that venvs are made from, even if .venv's python runs this."""
     return getattr(sys, "_base_executable", sys.executable)
 
 
 def create_venv() -> None:
-    """Make .venv, or mend the one that is there."""
+    """Make .venv, or repair the existing one."""
     run_logged(base_python(), "-m", "venv", VENV)
 
 
@@ -113,12 +113,12 @@ def build_messages() -> None:
 
 
 def build_tf2_msgs() -> None:
-    """Build and install the message of /tf, for which there is no wheel."""
+    """Build and install the message type of /tf, for which there is no wheel."""
     build_interfaces(ROOT / "scripts" / "tf2_msgs", BUILDS / "tf2_msgs")
 
 
 def build_interfaces(source: Path, build: Path) -> None:
-    """Build and install an interface package anew, after removing what its last build installed."""
+    """Build and install an interface package from scratch, after removing what its last build installed."""
     manifest = build / "install_manifest.txt"
     if manifest.is_file():
         for line in manifest.read_text().splitlines():
@@ -137,12 +137,12 @@ def build_interfaces(source: Path, build: Path) -> None:
 
 
 def install_package() -> None:
-    """Make the checkout importable, and put what ROS looks for into the prefix."""
+    """Make the checkout importable, and install what ROS looks for into the prefix."""
     python = VENV / "bin/python"
     run_logged(
         python, "-m", "pip", "install", "--no-deps", "--no-build-isolation", "--editable", "."
     )
-    # An editable install leaves the data files out.
+    # An editable install omits the data files.
     run_logged(python, "setup.py", "--quiet", "install_data", "--force", f"--install-dir={VENV}")
     shutil.copy(ROOT / "scripts/setup.bash", VENV / "setup.bash")
     defaults = {"build": {"cmake-args": [CMAKE_FOR_WHEELS]}}
@@ -150,10 +150,10 @@ def install_package() -> None:
 
 
 def check_machine() -> None:
-    """Check that what cannot be installed from here is there.
+    """Check for tools that cannot be installed from here.
 
     Raises:
-        SetupError: a tool or the Python headers are missing.
+        SetupError: A tool or the Python headers are missing.
     """
     for tool, variable, names in (
         ("C compiler", "CC", ("cc", "gcc", "clang")),

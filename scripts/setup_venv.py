@@ -1,8 +1,8 @@
 """Bring .venv up to date: environment, pinned dependencies, message package, this package.
 
 Each step leaves a stamp in .venv/.stamps with a digest of what it depends on, and runs again only
-when that changes. While a step runs its stamp says so; a step that was cut off is therefore known,
-and what it left half done is made anew.
+when that changes. While a step runs, its stamp says so; a step that was interrupted is therefore
+detected and repeated.
 """
 
 from __future__ import annotations
@@ -37,13 +37,13 @@ RUNNING = "running"
 
 @dataclass(frozen=True)
 class Step:
-    """One part of the set-up.
+    """One part of the setup.
 
     Attributes:
-        name: name of its stamp, and on the command line.
-        announcement: what the user reads when it starts.
-        inputs: gives the files and words that its result depends on.
-        run: does it.
+        name: Name of its stamp, and on the command line.
+        announcement: Message for the user when it starts.
+        inputs: Returns the files and words that its result depends on.
+        run: Carries out the step.
     """
 
     name: str
@@ -52,12 +52,12 @@ class Step:
     run: Callable[[], None]
 
     def stamp(self) -> str:
-        """Return the digest of the last complete run, RUNNING if it was cut off, or ''."""
+        """Return the digest of the last complete run, RUNNING if it was interrupted, or ''."""
         path = STAMPS / self.name
         return path.read_text() if path.is_file() else ""
 
     def digest(self) -> str:
-        """Return the digest of the step's inputs as they are now."""
+        """Return the digest of the step's present inputs."""
         digest = hashlib.sha256()
         for item in self.inputs():
             if isinstance(item, Path):
@@ -70,7 +70,7 @@ class Step:
 
 
 def files_below(*names: str) -> Iterator[Path]:
-    """Yield the files named and those below the folders named, in a fixed order."""
+    """Yield the given files and those below the given folders, in a fixed order."""
     for name in names:
         path = ROOT / name
         if path.is_dir():
@@ -121,13 +121,13 @@ STEPS = (
 
 @contextmanager
 def one_at_a_time() -> Iterator[None]:
-    """Hold off a second set-up of this checkout until the first is done."""
+    """Make a second setup of this checkout wait until the first is done."""
     descriptor = os.open(ROOT / "requirements", os.O_RDONLY)
     try:
         try:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            print("pga_me_ros: waiting for another set-up of this checkout", flush=True)
+            print("pga_me_ros: waiting for another setup of this checkout", flush=True)
             fcntl.flock(descriptor, fcntl.LOCK_EX)
         yield
     finally:
@@ -135,7 +135,7 @@ def one_at_a_time() -> Iterator[None]:
 
 
 def is_unusable() -> bool:
-    """Return whether .venv was cut off while packages went in, was moved, or lost its Python."""
+    """Return whether an installation into .venv was interrupted, or .venv was moved, or its Python is gone."""
     if not VENV.exists():
         return False
     environment, requirements = (step.stamp() for step in STEPS[:2])
@@ -144,7 +144,7 @@ def is_unusable() -> bool:
 
 
 def outdated(names: Iterable[str]) -> list[Step]:
-    """Return the steps to run, in order, of those named (all when none is)."""
+    """Return the steps to run, in order, among the given ones (all by default)."""
     wanted = set(names) or {step.name for step in STEPS}
     return [step for step in STEPS if step.name in wanted and step.stamp() != step.digest()]
 
@@ -159,18 +159,18 @@ def perform(steps: Iterable[Step]) -> None:
         try:
             step.run()
         except SetupError:
-            # It failed in an orderly way: run it again next time, but nothing is left half done.
+            # It failed but was not interrupted: run it again next time, without starting over.
             stamp.unlink()
             raise
         stamp.write_text(digest)
 
 
 def main(names: list[str]) -> int:
-    """Run the named steps, or all, as far as they are out of date; return the exit status."""
+    """Run the given steps, or all, if they are out of date; return the exit status."""
     began = time.monotonic()
     known = [step.name for step in STEPS]
     for name in set(names) - set(known):
-        print(f"error: no set-up step {name}; the steps are {', '.join(known)}", file=sys.stderr)
+        print(f"error: no setup step {name}; the steps are {', '.join(known)}", file=sys.stderr)
         return 2
     try:
         with one_at_a_time():
@@ -180,7 +180,7 @@ def main(names: list[str]) -> int:
             check_machine()
             if unusable:
                 print(
-                    "pga_me_ros: .venv is half finished or was moved; starting it afresh",
+                    "pga_me_ros: .venv is incomplete or was moved; creating it again",
                     flush=True,
                 )
                 shutil.rmtree(VENV)
@@ -189,9 +189,9 @@ def main(names: list[str]) -> int:
         print(error, file=sys.stderr)
         return 1
     except KeyboardInterrupt:
-        print("\nerror: set-up interrupted; the same command starts it again", file=sys.stderr)
+        print("\nerror: setup interrupted; the same command starts it again", file=sys.stderr)
         return 130
-    print(f"pga_me_ros: set up in {time.monotonic() - began:.0f} s (log: {LOG})", flush=True)
+    print(f"pga_me_ros: setup took {time.monotonic() - began:.0f} s (log: {LOG})", flush=True)
     return 0
 
 

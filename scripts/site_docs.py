@@ -1,4 +1,4 @@
-"""Hook of mkdocs: makes a page of each source file that a page of docs/ links to.
+"""Hook of mkdocs: makes a page for each source file that a page of docs/ links to.
 
 Links such as ``../pga_me_ros/core/rng.py`` work on the repository's web page; on the site they lead to these pages.
 """
@@ -38,7 +38,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 
 def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
-    """Point links to source files at their pages; source files themselves are shown unchanged."""
+    """Make links to source files point to their pages; source files themselves are shown unchanged."""
     uri = page.file.src_uri
     if uri.startswith(SOURCE):
         return markdown
