@@ -9,7 +9,7 @@ PACKAGE = "pga_me_ros"
 
 # Each link in resource/executables is an executable: `ros2 run pga_me_ros <name>` runs main() of
 # pga_me_ros/nodes/<name>.py. To add one: ln -s ../start_node resource/executables/<name>
-# What is no node is a package, whose __main__.py has a main(): ln -s ../start_program resource/executables/<name>
+# Other programs are packages whose __main__.py has a main(): ln -s ../start_program resource/executables/<name>
 ROOT = Path(__file__).resolve().parent
 EXECUTABLES = sorted(link.name for link in (ROOT / "resource/executables").iterdir())
 PROGRAMS = [name for name in EXECUTABLES if (ROOT / PACKAGE / name / "__main__.py").exists()]
@@ -29,9 +29,9 @@ setup(
     python_requires=">=3.11",
     packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
     package_data={f"{PACKAGE}.ros": ["*.xml"]},
-    # What the nodes import is declared in package.xml, and pinned in requirements/run.txt.
+    # The nodes' dependencies are declared in package.xml and pinned in requirements/run.txt.
     install_requires=["setuptools"],
-    # What one format of `export` takes, and what recordings take.
+    # Dependencies of one format of `export`, and of recordings.
     extras_require={"onnx": ["onnx"], "record": ["rosbags"]},
     entry_points={
         "console_scripts": [f"{name} = {PACKAGE}.{module}:main" for name, module in MODULES.items()]
