@@ -1,4 +1,4 @@
-"""What tests of several folders share."""
+"""Fixtures shared by tests of several folders."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from pga_me_ros.core.storage.repertoire import Repertoire
 from pga_me_ros.tasks.registry import make_task, task_spec
 
 LONG = ("test/packaging/test_workspace.py", "test/graph/", "test/old_runs/")
-"""Tests of builds and processes take most of the time; begun last, they would leave one worker alone with it."""
+"""Tests of builds and processes take the longest; if they started last, one worker would be left alone with them."""
 
 SMALL = {
     "task": "qd_hopper",
@@ -28,7 +28,7 @@ SMALL = {
     "cvt_samples": 1000,
     "controller_hidden": (16, 8),
 }
-"""Settings of a run whose robots are simulated in a second, without gradients."""
+"""Settings of a run without gradients that takes a second to simulate."""
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -37,7 +37,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 def store_run(folder: Path, **settings: object) -> Path:
-    """Carry out a run in this process and store it; returns its folder. None leaves a setting out."""
+    """Carry out a run in this process and store it; return its folder. None omits a setting."""
     from pga_me_ros.core.search import Search
 
     unused = of_other_archives(str(settings.get("archive", Settings.archive)))
@@ -59,7 +59,7 @@ def store_run(folder: Path, **settings: object) -> Path:
 
 @pytest.fixture(autouse=True)
 def same_environment() -> Iterator[None]:
-    """Take back what a test's program has filled into this process's environment: the next one starts without it."""
+    """Undo a test's changes to this process's environment."""
     before = dict(os.environ)
     yield
     for name in os.environ.keys() - before.keys():

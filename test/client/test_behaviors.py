@@ -1,4 +1,4 @@
-"""Controllers read from messages alone: the same actions as in the evaluation, and no malformed ones."""
+"""Controllers read from messages give the same actions as in the evaluation; malformed ones are refused."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ def msg() -> ControllerMsg:
     return controller_to_msg(PARAMETERS, SHAPE, SPEC)
 
 
-def test_actions_are_bit_for_bit_those_of_the_evaluator(msg: ControllerMsg) -> None:
+def test_actions_equal_the_evaluators_bit_for_bit(msg: ControllerMsg) -> None:
     robots, evaluators = Controller.from_msg(msg), Network(SHAPE, PARAMETERS)
     observations = np.random.default_rng(2).normal(size=(200, 22)).astype(np.float32)
     for observation in observations:
         assert robots(observation).tobytes() == evaluators(observation).tobytes()
 
 
-def test_the_message_alone_tells_how_to_compute_an_action(msg: ControllerMsg) -> None:
-    """Follow the words of Controller.msg in plain float64."""
+def test_the_message_is_enough_to_compute_an_action(msg: ControllerMsg) -> None:
+    """Follow the description in Controller.msg in plain float64."""
     observation = np.random.default_rng(3).normal(size=22)
     x, at = observation, 0
     sizes = list(msg.layer_sizes)
@@ -46,7 +46,7 @@ def test_the_message_alone_tells_how_to_compute_an_action(msg: ControllerMsg) ->
     np.testing.assert_allclose(Controller.from_msg(msg)(observation), x, atol=1e-5)
 
 
-def test_names_units_limits_and_period_come_along(msg: ControllerMsg) -> None:
+def test_names_units_limits_and_period_are_passed_on(msg: ControllerMsg) -> None:
     controller = Controller.from_msg(msg)
     assert controller.observation_names == SPEC.observation_names
     assert controller.action_units == SPEC.action_units
@@ -99,7 +99,7 @@ def limit_missing(msg: ControllerMsg) -> None:
         (limit_missing, "1 action_high, but its layers .* need 6"),
     ],
 )
-def test_a_malformed_controller_is_refused_in_words(
+def test_a_malformed_controller_is_refused_with_a_reason(
     msg: ControllerMsg, spoil: Callable[[ControllerMsg], None], words: str
 ) -> None:
     spoil(msg)
@@ -122,7 +122,7 @@ def test_a_broken_sensor_gives_no_action(msg: ControllerMsg) -> None:
         Controller.from_msg(msg)(observation)
 
 
-def test_parameters_cannot_be_changed_behind_the_controllers_back(msg: ControllerMsg) -> None:
+def test_changing_the_message_does_not_change_the_controller(msg: ControllerMsg) -> None:
     controller = Controller.from_msg(msg)
     with pytest.raises(ValueError, match="read-only"):
         controller.parameters[0] = 1.0

@@ -1,4 +1,4 @@
-"""A run as the graph carries it out, without ROS: training orders, learner on disk, offspring in pieces."""
+"""A run as in the graph, but without ROS: training orders, learner on disk, offspring in pieces."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class GraphInSmall:
     Args:
         settings: Settings of the run.
         folder: Folder of the run.
-        rates: Settings from each of these generations on.
+        rates: Settings by the generation from which they apply.
         task: Class of the task.
     """
 
@@ -52,7 +52,7 @@ class GraphInSmall:
         self.restart_learner()
 
     def restart_learner(self) -> None:
-        """Lose everything that is only in the learner's memory."""
+        """Forget everything that is only in the learner's memory."""
         self.learner = ResumableLearner(self._task.spec, self._settings, self._folder)
 
     def grow(
@@ -61,7 +61,7 @@ class GraphInSmall:
         restarts: Collection[int] = (),
         late_restarts: Collection[int] = (),
     ) -> None:
-        """Do generations; the learner dies before those of `restarts`, and before storing those of `late_restarts`."""
+        """Carry out generations; the learner dies before `restarts`, and before storing `late_restarts`."""
         for t in generations:
             if t in restarts:
                 self.restart_learner()
@@ -71,7 +71,7 @@ class GraphInSmall:
         return self._rates[max(g for g in self._rates if g <= max(t, 0))]
 
     def trained(self, order: TrainingOrder) -> Snapshot:
-        """Return the outcome of a training that is durable, or is now."""
+        """Return the outcome of a training, and store it if it is not stored yet."""
         done = self.learner.find(order)
         if done:
             return done

@@ -1,4 +1,4 @@
-"""A trivially solvable task in microseconds per step, and settings for runs of a fraction of a second."""
+"""A trivial task that takes microseconds per step, and settings for runs of a fraction of a second."""
 
 from __future__ import annotations
 
@@ -38,8 +38,8 @@ SETTINGS = Settings(
 class Lane:
     """A point that steers along a lane and leaves it at ±1.5 m; the descriptor is where it ends.
 
-    The second action entry alone decides the reward, which is greatest at 0.8 whatever the state: a gradient finds that
-    at once, and where the point goes is free.
+    Only the second action entry decides the reward, which is highest at 0.8 in any state: a gradient finds that at
+    once, and the point may steer anywhere.
     """
 
     spec: ClassVar[TaskSpec] = TaskSpec(
@@ -85,7 +85,7 @@ class Lane:
 
 
 class SteeredLane(Lane):
-    """A lane without sides; the descriptor is how it steers on average, as each observation tells of its step."""
+    """A lane without sides; the descriptor is the mean steering, which each observation shows for its step."""
 
     spec: ClassVar[TaskSpec] = dataclasses.replace(
         Lane.spec,
@@ -103,7 +103,7 @@ class SteeredLane(Lane):
         self._steering = [0.5]
 
     def reset(self, rng: np.random.Generator) -> Float32Array:
-        self._steering = [0.5]  # what the first observation shows counts for nothing
+        self._steering = [0.5]  # the first observation does not count
         return super().reset(rng)
 
     def step(self, action: Float32Array) -> tuple[Float32Array, float, bool]:
@@ -118,14 +118,14 @@ class SteeredLane(Lane):
 
 
 def settings_of(algorithm: str, **changes: Any) -> Settings:
-    """Return `SETTINGS` for another algorithm, without those that it has no use for, and with some changed."""
+    """Return `SETTINGS` for another algorithm, without those that it does not use, and with changes."""
     return Settings.from_stored({**SETTINGS.given, "algorithm": algorithm}).replace(**changes)
 
 
 def grown(
     settings: Settings = SETTINGS, generations: int | None = None, task_class: type[Lane] = Lane
 ) -> Search:
-    """Return a search after its whole budget, or after so many generations."""
+    """Return a search after its whole budget, or after some generations."""
     search, task = Search(task_class.spec, settings), task_class()
     for _ in range(settings.generations if generations is None else generations):
         search.run_generation(task)

@@ -1,4 +1,4 @@
-"""A small run's archive and file for the storage tests, also run as a script by other processes."""
+"""A small run's archive and file for the storage tests; also run as a script by other processes."""
 
 from __future__ import annotations
 
@@ -45,12 +45,12 @@ def empty(kind: str = "cvt") -> Archive:
 
 
 def generations(archive: Archive, count: int) -> Iterator[tuple[int, list[Elite], Metrics]]:
-    """Grow an archive; give each generation's number, changed elites and metrics."""
+    """Grow an archive; yield each generation's number, changed elites and metrics."""
     before = None
     for generation in range(count):
         rng = np.random.default_rng(generation)
         parameters = rng.normal(size=(20, P))
-        # Signed zeros and denormals must come back as they were.
+        # Signed zeros and denormals must be read back unchanged.
         parameters[:, 0], parameters[:, 1] = -0.0, 1e-40
         batch = Solutions.of(
             fitness=rng.integers(-5, 50, 20) / 2,
@@ -74,7 +74,7 @@ def grow(repertoire: Repertoire, archive: Archive, count: int) -> None:
 
 
 def make(path: Path, count: int = 4, kind: str = "cvt") -> Archive:
-    """Write a closed file of some generations; return its archive."""
+    """Write a file of some generations and close it; return its archive."""
     archive = empty(kind)
     with Repertoire.create(path, INFO, archive) as repertoire:
         grow(repertoire, archive, count)
@@ -87,8 +87,8 @@ def stay_in_a_transaction(path: Path) -> None:
     repertoire = Repertoire.create(path, INFO, archive)
     for generation, elites, metrics in generations(archive, 4):
         repertoire.commit(generation, elites, metrics, RATES)
-    # A second connection of the same process stands for a commit that has not ended; so small a
-    # cache makes SQLite write its pages into the log before.
+    # A second connection of the same process simulates an unfinished commit; with so small a cache,
+    # SQLite writes its pages into the log before the commit.
     connection = sqlite3.connect(path, isolation_level=None)
     connection.execute("PRAGMA cache_size = 1")
     connection.execute("BEGIN IMMEDIATE")
@@ -99,7 +99,7 @@ def stay_in_a_transaction(path: Path) -> None:
 
 @contextmanager
 def writer_in_a_transaction(path: Path) -> Iterator[subprocess.Popen[str]]:
-    """Another process that has committed four generations and is in the middle of a transaction."""
+    """Run a process that has committed four generations and is in the middle of a transaction."""
     process = subprocess.Popen(
         [sys.executable, __file__, str(path)],
         env=ENVIRONMENT,
@@ -115,7 +115,7 @@ def writer_in_a_transaction(path: Path) -> Iterator[subprocess.Popen[str]]:
 
 
 def give_up_root() -> None:
-    """Become an ordinary user, to whom file permissions apply; import everything before."""
+    """Become an ordinary user, to whom file permissions apply; import everything first."""
     if os.geteuid() == 0:
         os.setgroups([])
         os.setgid(NOBODY)

@@ -1,4 +1,4 @@
-"""Exploration noise: what it is, and that it belongs to the evaluation."""
+"""Exploration noise: its distribution, and that it depends on the evaluation."""
 
 from __future__ import annotations
 
@@ -40,14 +40,14 @@ def test_actions_stay_within_their_limits():
     assert (actions.min(), actions.max()) == (-1.0, 1.0)
 
 
-def test_noise_has_the_standard_deviation_asked_for():
+def test_noise_has_the_given_standard_deviation():
     act = exploring(lambda _: np.zeros(2, np.float32), 0.1, 0, 0)
     actions = np.stack([act(np.zeros(2, np.float32)) for _ in range(4000)])
     assert actions.std() == pytest.approx(0.1, rel=0.03)
     assert abs(actions.mean()) < 0.005
 
 
-def test_an_evaluation_repeated_has_the_same_bits():
+def test_a_repeated_evaluation_has_the_same_bits():
     one, again = episode(FIRST + 3), episode(FIRST + 3)
     assert one.states.tobytes() == again.states.tobytes()
     assert one.actions.tobytes() == again.actions.tobytes()
@@ -63,5 +63,5 @@ def test_no_two_evaluations_share_their_noise():
     [(TD3, FIRST - 1), (TD3.replace(exploration_sigma=0.0), FIRST), (SETTINGS, FIRST)],
     ids=["start-up", "no-noise", "another-system"],
 )
-def test_without_exploration_the_controller_acts_as_it_is(settings, evaluation):
+def test_without_exploration_the_controllers_actions_are_unchanged(settings, evaluation):
     assert as_evaluated(settings, CONTROLLER, evaluation) is CONTROLLER

@@ -1,4 +1,4 @@
-"""Who makes which offspring, and when the critics train on what."""
+"""Which operators make a generation's offspring, and when the critics train on what."""
 
 from __future__ import annotations
 
@@ -110,19 +110,19 @@ def test_trainings_of_each_generation(changes, needed, meanwhile):
     assert [(o.generation, o.experience) if o else None for o in orders] == meanwhile
 
 
-def test_a_training_meanwhile_has_the_rates_of_the_generation_in_which_it_ran():
+def test_a_training_meanwhile_has_the_rates_of_the_generation_during_which_it_runs():
     order = training_for(SMALL.replace(n_crit=7), SMALL, 4)
     assert order == training_meanwhile(SMALL, 3)
 
 
-def test_critics_that_were_switched_off_train_at_once_on_all_experience():
+def test_critics_that_were_off_train_at_once_on_all_experience():
     now = SMALL.replace(n_crit=7)
     order = training_for(now, SMALL.replace(n_evo=10), 4)
     assert order is not None
     assert (order.generation, order.experience, order.rates["n_crit"]) == (4, 3, 7)
 
 
-def test_a_training_under_way_is_waited_for_even_if_gradients_are_switched_off():
+def test_a_running_training_is_waited_for_even_if_gradients_are_switched_off():
     assert training_for(SMALL.replace(n_evo=10), SMALL, 4) == training_meanwhile(SMALL, 3)
 
 
@@ -140,13 +140,13 @@ def test_the_first_and_the_last_training_end_within_their_generation(generation,
     assert plan.meanwhile_ends_within == within
 
 
-def test_an_order_names_every_rate():
+def test_an_order_has_every_rate():
     order = training_meanwhile(SMALL, 3)
     assert order is not None
     assert sorted(order.rates) == sorted(RATES)
 
 
-def test_evaluation_ids_follow_each_other():
+def test_evaluation_ids_are_consecutive():
     assert [k for t in range(3) for k in evaluation_ids(SMALL, t)] == list(range(30))
 
 
@@ -155,14 +155,14 @@ def test_initial_poses_differ_by_seed_and_evaluation(seed, evaluation):
     assert evaluation_rng(0, 0).random() != evaluation_rng(seed, evaluation).random()
 
 
-def test_any_division_of_a_batch_draws_the_same_parents():
+def test_the_division_of_a_batch_does_not_change_its_parents():
     archive = grown(SETTINGS, generations=1).archive
     whole = sample_parents(archive, 1, 4, 0, 10, 2)
     pieces = [sample_parents(archive, 1, 4, first, 5, 2) for first in (0, 5)]
     np.testing.assert_array_equal(np.concatenate(pieces), whole)
 
 
-def test_parents_are_drawn_uniformly_over_filled_cells():
+def test_parents_are_drawn_uniformly_from_filled_cells():
     archive = grown(SETTINGS, generations=1).archive
     cells = sample_parents(archive, 1, 4, 0, 2000, 2)
     filled = archive.filled_cells()
@@ -203,11 +203,13 @@ def test_an_empty_archive_has_no_parents():
         ),
     ],
 )
-def test_a_run_says_who_makes_its_batches(settings: Settings, imported: int, line: str) -> None:
+def test_a_run_says_which_operators_make_its_batches(
+    settings: Settings, imported: int, line: str
+) -> None:
     assert batch_lines(settings, imported) == [line]
 
 
-def test_a_run_without_gradients_that_should_have_some_is_warned_of() -> None:
+def test_a_run_warns_if_its_critics_make_no_offspring() -> None:
     lines = batch_lines(Settings(batch_size=50, n_evo=50))
     assert lines[0].endswith("then batches of 50 GA")
     assert "no offspring are made by policy gradients" in lines[1]

@@ -1,4 +1,4 @@
-"""Generators are what their arguments say, for ever."""
+"""Generators depend only on their arguments, and never change."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def test_equal_arguments_give_equal_streams():
     assert one.random(10).tolist() == other.random(10).tolist()
 
 
-def test_any_other_argument_gives_another_stream():
+def test_different_arguments_give_different_streams():
     arguments = itertools.product(
         (0, 1, 2**40), (Purpose.PARENTS, Purpose.EVALUATION), (0, 1, 10**9), (0, 1, 10**12)
     )
@@ -39,7 +39,7 @@ def test_any_other_argument_gives_another_stream():
     assert len(set(draws)) == len(draws) == 54
 
 
-def test_generation_and_index_are_not_mixed_up():
+def test_generation_and_index_are_not_interchangeable():
     assert (
         generator(0, Purpose.PARENTS, 1, 2).random() != generator(0, Purpose.PARENTS, 2, 1).random()
     )

@@ -22,7 +22,7 @@ from pga_me_ros.errors import ArchiveError, RequestError
 from pga_me_ros.tasks.rollout import Episode, rollout
 
 BRIEF = SETTINGS.replace(n_crit=10, evaluations=70)
-"""As long as it takes for every kind of training to have happened at least twice."""
+"""Long enough for every kind of training to happen at least twice."""
 
 
 @pytest.fixture(scope="module")
@@ -52,7 +52,7 @@ def test_the_archive_fills(whole):
     assert whole.archive.coverage == whole.archive.cells
 
 
-def test_gradients_find_what_genetic_variation_alone_does_not(whole):
+def test_gradients_find_what_genetic_variation_does_not(whole):
     ga_only = grown(SETTINGS.replace(n_evo=SETTINGS.batch_size))
     best = Lane.spec.max_steps
     assert whole.archive.max_fitness > 0.995 * best
@@ -67,7 +67,9 @@ def test_without_gradients_no_critic_is_trained():
 
 
 def test_critics_train_for_every_generation_of_offspring(whole):
-    trained = SETTINGS.generations - SETTINGS.init_generations + 1  # the last one for a next run
+    trained = (
+        SETTINGS.generations - SETTINGS.init_generations + 1
+    )  # the last one is for a resumed run
     assert whole.learner.version == trained * SETTINGS.n_crit
 
 
@@ -80,7 +82,7 @@ def test_metrics_count_what_was_evaluated(whole):
     ]
 
 
-def test_parents_are_elites_that_were_there_before(whole):
+def test_parents_are_elites_of_earlier_generations(whole):
     search = grown(BRIEF, generations=3)
     batch = search.ask()
     elites = set(search.archive.evaluations[search.archive.filled_cells()].tolist())
@@ -141,7 +143,7 @@ def first_greedy(search: Search) -> np.ndarray:
     return batch.parameters[batch.operators == Operator.GREEDY][0]
 
 
-def test_greedy_controller_may_start_at_the_best_random_one():
+def test_greedy_controller_may_start_from_the_best_random_one():
     still = BRIEF.replace(greedy_init="best", greedy_learning_rate=0.0)
     search = grown(still, generations=still.init_generations)
     np.testing.assert_array_equal(first_greedy(search), search.archive.best().parameters)
@@ -154,8 +156,8 @@ def test_greedy_controller_starts_at_random_by_default():
     np.testing.assert_array_equal(first_greedy(search), drawn)
 
 
-def test_start_in_the_last_random_batch_trains_on_what_was_there_before_it():
-    """The last random batch cannot matter for the first critics: another one gives the same."""
+def test_start_in_the_last_random_batch_trains_on_the_experience_before_it():
+    """The last random batch does not affect the first critics: another one gives the same."""
     early = BRIEF.replace(critic_start="last_init_batch")
     searches = [grown(early, generations=1) for _ in range(2)]
     for search, scale in zip(searches, (1.0, 0.5), strict=True):
@@ -174,7 +176,7 @@ def test_budget_can_be_raised(whole):
     assert search.archive.digest() == whole.archive.digest()
 
 
-def test_changed_variation_rates_hold_from_the_next_generation_on():
+def test_changed_variation_rates_apply_from_the_next_generation():
     search, unchanged = grown(BRIEF, generations=3), grown(BRIEF, generations=3)
     search.settings = BRIEF.replace(iso_sigma=0.0, line_sigma=0.0, pg_learning_rate=0.0, n_evo=2)
     batch = search.ask()
@@ -186,7 +188,7 @@ def test_changed_variation_rates_hold_from_the_next_generation_on():
     assert unchanged.ask().parameters.tobytes() != batch.parameters.tobytes()
 
 
-def test_changed_critic_rates_hold_for_the_training_that_the_next_generation_starts():
+def test_changed_critic_rates_apply_to_the_training_that_the_next_generation_starts():
     search = grown(BRIEF, generations=3)
     before = search.learner.version
     search.settings = BRIEF.replace(n_crit=17)
@@ -195,7 +197,7 @@ def test_changed_critic_rates_hold_for_the_training_that_the_next_generation_sta
     assert search.learner.version == before + 17
 
 
-def test_rates_changed_on_the_way_give_the_same_in_the_graph(tmp_path):
+def test_rates_changed_during_the_run_give_the_same_result_in_the_graph(tmp_path):
     off = BRIEF.replace(n_evo=10)
     changed = BRIEF.replace(n_evo=3, n_crit=7, n_grad=4, discount=0.5, iso_sigma=0.1)
     rates = {3: changed, 4: off, 6: changed}

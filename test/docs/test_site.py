@@ -1,4 +1,4 @@
-"""The site of docs/: whole, up to date, and complete without a network."""
+"""The site of docs/ is complete, up to date, and needs no network."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 @pytest.fixture(scope="module")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Build the site; strict: a broken link or anchor fails (not with --quiet, which hides warnings from it, too)."""
+    """Build the site; --strict makes broken links and anchors fail (unless --quiet hides the warnings)."""
     folder = tmp_path_factory.mktemp("site")
     command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", folder]
     result = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
@@ -70,7 +70,7 @@ def test_long_commands_wrap_and_can_be_copied(site: Path) -> None:
     assert "white-space: pre-wrap" in style
 
 
-def test_nothing_is_fetched_from_elsewhere(site: Path) -> None:
+def test_nothing_is_loaded_from_other_sites(site: Path) -> None:
     fetched = re.compile(r'<(?:script|img|link)\b[^>]*\b(?:src|href)="(?:https?:)?//')
     pages = list(site.rglob("*.html"))
     assert pages

@@ -1,4 +1,4 @@
-"""Documented commands: taken out of a page, run as they stand, in a ROS domain of their own."""
+"""Documented commands, taken from a page and run unchanged in a separate ROS domain."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ TINY = (
     "-p transition_batch:=32 -p cells:=64 -p cvt_samples:=2000 -p controller_hidden:=[16] "
     "-p critic_hidden:=[16] -p evaluators:=1 -p serve:=false"
 )
-"""Makes the run of a documented command last seconds; what stands later counts."""
+"""Makes the run of a documented command last only seconds; later arguments override earlier ones."""
 
 
 def blocks(page: str, language: str = "") -> list[str]:
-    """Return the blocks of code of a language in a page of docs/."""
+    """Return the code blocks of a language in a page of docs/."""
     text = (ROOT / "docs" / page).read_text()
     return re.findall(rf"^```{language}\n(.*?)^```$", text, re.DOTALL | re.MULTILINE)
 
@@ -43,7 +43,7 @@ class Shell:
         (folder / "config").symlink_to(ROOT / "config")
 
     def run(self, command: str) -> str:
-        """Run a command to its end; returns what it printed."""
+        """Run a command to its end; return its output."""
         with self.started(command) as process:
             output, _ = process.communicate(timeout=SECONDS)
         assert process.returncode == 0, output
@@ -51,7 +51,7 @@ class Shell:
 
     @contextmanager
     def started(self, command: str) -> Iterator[subprocess.Popen[str]]:
-        """Start a command, and end it and what it started afterwards."""
+        """Start a command; end it and its children afterwards."""
         process = subprocess.Popen(
             ["bash", "-c", command],
             cwd=self.folder,

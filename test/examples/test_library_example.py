@@ -1,4 +1,4 @@
-"""The example of the library runs as it stands, and is what the page quotes."""
+"""The library example runs unchanged, and the page quotes it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The example of a robot of one's own: follows the protocol, and a repertoire of different gaits grows for it."""
+"""The example of a user's own robot follows the protocol, and a repertoire of different gaits grows for it."""
 
 from __future__ import annotations
 

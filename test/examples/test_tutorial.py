@@ -1,4 +1,4 @@
-"""The tutorial, from its first command to its last, with a smaller budget; and the example for the shell."""
+"""The tutorial, from its first command to its last, with a smaller budget; and the shell example."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def tutorial(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Tutorial]:
             yield Tutorial(shell, domain, commands)
 
 
-def test_the_report_makes_the_pictures_that_are_named(tutorial: Tutorial) -> None:
+def test_the_report_makes_the_named_pictures(tutorial: Tutorial) -> None:
     tutorial.shell.run(tutorial.commands[REPORT])
     named = re.findall(r"`([^` ]+\.png)`", (ROOT / "docs" / "tutorial.md").read_text())
     made = {path.name for path in (tutorial.shell.folder / "runs").rglob("*.png")}
@@ -59,13 +59,15 @@ def test_the_robot_runs_the_gait_that_it_asked_for(tutorial: Tutorial) -> None:
 
 
 def test_the_request_of_the_shell_example_is_answered(tutorial: Tutorial) -> None:
-    # There is no ros2 command among the wheels: its YAML is read and sent as that would.
+    # The wheels lack the ros2 command, so its YAML is parsed and sent here.
     text = (ROOT / "examples" / "query_behavior.sh").read_text()
     ((name, kind, request),) = re.findall(r'^ros2 service call (\S+) (\S+) "(.*)"$', text, re.M)
     assert kind == "pga_me_msgs/srv/GetBehavior"
     values = yaml.safe_load(request)
     assert set(values) <= set(GetBehavior.Request.get_fields_and_field_types())
-    values["descriptor"] = values["descriptor"][:1]  # the hopper's repertoire has but one dimension
+    values["descriptor"] = values["descriptor"][
+        :1
+    ]  # the hopper's repertoire has only one dimension
     answer = call(tutorial.domain, name, {**values, "max_distance": 1.0})
     assert answer.found, answer.message
     assert len(answer.controller.parameters) > 0
@@ -90,7 +92,7 @@ def call(domain: int, name: str, values: dict[str, Any]) -> GetBehavior.Response
         context.shutdown()
 
 
-def test_the_setup_commands_are_those_that_there_are() -> None:
+def test_the_setup_commands_exist() -> None:
     setup, source = blocks("tutorial.md")[0].splitlines()
     assert re.search(rf"^{setup.removeprefix('make ')}:", (ROOT / "Makefile").read_text(), re.M)
     assert source == "source .venv/setup.bash"

@@ -1,4 +1,4 @@
-"""docs/two_machines.md: its commands, as far as one machine can tell; `make two-hosts` has a network."""
+"""The commands of docs/two_machines.md, as far as one machine can run them; `make two-hosts` has a network."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def test_an_evaluator_of_the_page_joins_the_run_of_the_page(tmp_path: Path) -> N
 
         loop = evaluators.replace("$(nproc)", "1").strip()
         with shell.started(f"{here}; {as_module(loop)}"):
-            # With one evaluator of its own, the run begins only once another has joined it.
+            # With one evaluator of its own, the run begins only when another has joined.
             more = f"{TINY} -p min_evaluators:=2 -p run_dir:=run"
             output = shell.run(f"{here}; {as_module(run).strip()} {more}")
     assert "evaluations 30/30" in output

@@ -1,4 +1,4 @@
-"""Experiment files: what the matrix is, and every mistake told in one line before anything starts."""
+"""Experiment files: the matrix they describe; every mistake is reported in one line before anything starts."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ GOOD = {
 
 
 def written(folder: Path, **changes: str | None) -> Path:
-    """Write an experiment file; a change of None leaves the key out."""
+    """Write an experiment file; a change of None omits the key."""
     lines = [f"{key}: {value}" for key, value in {**GOOD, **changes}.items() if value is not None]
     path = folder / "file.yaml"
     path.write_text("\n".join(lines))
@@ -46,13 +46,13 @@ def test_the_matrix_has_every_system_task_and_seed_once(tmp_path: Path) -> None:
     assert len({cell.namespace("paper-small") for cell in cells}) == 12
 
 
-def test_more_seeds_leave_the_places_of_the_others(tmp_path: Path) -> None:
+def test_more_seeds_do_not_move_other_cells(tmp_path: Path) -> None:
     few = read_experiment(written(tmp_path)).cells
     more = read_experiment(written(tmp_path, seeds="[1, 2, 3, 4]")).cells
     assert more[:12] == few
 
 
-def test_a_cell_has_the_settings_of_experiment_system_and_place(tmp_path: Path) -> None:
+def test_a_cell_has_the_settings_of_experiment_and_system(tmp_path: Path) -> None:
     settings = read_experiment(written(tmp_path)).cells[3].settings
     assert (settings.task, settings.seed, settings.evaluations) == ("qd_hopper", 1, 1000)
     assert (settings.algorithm, settings.batch_size) == ("map_elites", 60)
@@ -68,7 +68,7 @@ def test_a_list_of_systems_names_algorithms(tmp_path: Path) -> None:
     assert experiment.reference == "pga_map_elites"
 
 
-def test_a_million_may_be_written_as_one_does(tmp_path: Path) -> None:
+def test_a_million_may_be_written_as_1e6(tmp_path: Path) -> None:
     assert read_experiment(written(tmp_path, budget="1.0e+6")).budget == 1_000_000
 
 

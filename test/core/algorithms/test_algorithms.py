@@ -1,4 +1,4 @@
-"""The algorithms of section 4.2 on a task that each of them solves, and what tells them apart."""
+"""The algorithms of section 4.2 on a task that each of them solves, and how they differ."""
 
 from __future__ import annotations
 
@@ -139,19 +139,19 @@ def test_a_snapshot_with_other_states_than_the_runs_is_refused(change):
         require_fit(dataclasses.replace(snapshot, **change), Lane.spec, SETTINGS)
 
 
-def test_map_elites_fills_its_archive_by_genetic_variation_alone():
+def test_map_elites_fills_its_archive_only_by_genetic_variation():
     search = grown(SETTINGS_OF["map_elites"])
     assert search.archive.coverage == search.archive.cells
     assert search.learner.version == 0
     assert {m.offspring[Operator.GA] for m in search.metrics[2:]} == {10}
 
 
-def test_map_elites_is_what_the_paper_calls_an_equivalent():
+def test_map_elites_equals_pga_map_elites_without_gradients():
     pga = SETTINGS.replace(n_evo=SETTINGS.batch_size)
     assert grown(SETTINGS_OF["map_elites"]).archive.digest() == grown(pga).archive.digest()
 
 
-def test_pg_only_finds_the_optimum_with_gradients_alone():
+def test_pg_only_finds_the_optimum_only_with_gradients():
     search = grown(SETTINGS_OF["pg_only"], generations=10)
     assert search.archive.max_fitness > 0.995 * OPTIMUM
     offspring = np.array([m.offspring for m in search.metrics[2:]])
@@ -159,7 +159,7 @@ def test_pg_only_finds_the_optimum_with_gradients_alone():
 
 
 def reward_per_step(search, actor):
-    """Return the mean reward of an actor that no longer explores; the lane's optimum is 1, wherever it steers."""
+    """Return the mean reward of an actor without exploration; the lane's optimum is 1, wherever it steers."""
     act = MlpController(search.shape, actor)
     episodes = [rollout(Lane(), act, evaluation_rng(1, k)) for k in range(5)]
     return np.mean(np.concatenate([e.rewards for e in episodes]))
@@ -172,7 +172,7 @@ def test_td3_finds_the_optimum():
     assert reward_per_step(search, untrained) < 0.5
 
 
-def test_td3_offers_its_actor_and_nothing_else():
+def test_td3_adds_only_its_actor_to_the_archive():
     search = grown(SETTINGS_OF["td3"], generations=8)
     batch = search.ask()
     assert set(batch.operators.tolist()) == {Operator.GREEDY}
@@ -217,7 +217,7 @@ def test_a_run_starts_with_given_controllers_and_then_random_ones(name):
     assert algorithm.exploration_sigma(settings, settings.init_generations - 1) == 0.0
 
 
-def test_the_name_of_an_algorithm_is_all_that_has_to_be_given():
+def test_only_the_name_of_an_algorithm_is_required():
     found = {name: Settings(algorithm=name) for name in ALGORITHMS}
     assert (found["td3"].batch_size, found["td3"].schedule) == (10, "alternating")
     assert found["pg_only"].n_evo == 0
@@ -225,7 +225,7 @@ def test_the_name_of_an_algorithm_is_all_that_has_to_be_given():
 
 
 @systems
-def test_what_was_stored_of_settings_gives_the_same_again(name):
+def test_stored_settings_are_read_back_unchanged(name):
     settings = SETTINGS_OF[name]
     assert Settings.from_stored(settings.to_dict()) == settings
     assert settings.replace(seed=9).replace(seed=settings.seed) == settings

@@ -1,4 +1,4 @@
-"""Archives against pyribs' and against a brute-force reference, and what they refuse."""
+"""Archives compared with pyribs and with a brute-force reference, and what they refuse."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def batch(fitness: list[float], descriptors: list[list[float]], first: int = 0) 
 
 
 def stream(batches: int = 40, size: int = 100) -> list[Solutions]:
-    """Solutions as episodes give them: descriptors are shares of steps, fitness often ties."""
+    """Return solutions like those of episodes: descriptors are shares of steps, and fitness often ties."""
     rng = np.random.default_rng(9)
     out = []
     for i in range(batches):
@@ -85,14 +85,14 @@ def filled(archive: Archive) -> Archive:
     return archive
 
 
-def test_cells_are_those_of_pyribs(archive: Archive) -> None:
+def test_cells_equal_those_of_pyribs(archive: Archive) -> None:
     theirs = ribs_for(archive)
     for solutions in stream():
         ours = archive.cell_of(solutions.descriptors)
         np.testing.assert_array_equal(ours, theirs.index_of(solutions.descriptors))
 
 
-def test_statuses_are_those_of_pyribs_one_by_one(archive: Archive) -> None:
+def test_statuses_equal_those_of_pyribs_one_by_one(archive: Archive) -> None:
     theirs = ribs_for(archive)
     for s in stream(10):
         rows = zip(s.parameters, s.fitness, s.descriptors, s.evaluations, strict=True)
@@ -103,7 +103,7 @@ def test_statuses_are_those_of_pyribs_one_by_one(archive: Archive) -> None:
         assert archive.add(s).status.tolist() == expected
 
 
-def test_elites_are_those_of_pyribs(archive: Archive) -> None:
+def test_elites_equal_those_of_pyribs(archive: Archive) -> None:
     theirs = ribs_for(archive)
     for s in stream():
         archive.add(s)
@@ -115,7 +115,7 @@ def test_elites_are_those_of_pyribs(archive: Archive) -> None:
 
 
 @pytest.mark.parametrize("offset", [0.0, -20.0])
-def test_coverage_and_qd_score_are_those_of_pyribs(archive: Archive, offset: float) -> None:
+def test_coverage_and_qd_score_equal_those_of_pyribs(archive: Archive, offset: float) -> None:
     theirs = ribs_for(archive)
     for s in stream(5):
         archive.add(s)
@@ -131,7 +131,7 @@ def test_coverage_and_qd_score_are_those_of_pyribs(archive: Archive, offset: flo
         max_size=4,
     )
 )
-def test_adding_is_that_of_a_dictionary(batches: list[list[tuple[int, int, int]]]) -> None:
+def test_adding_works_like_a_dictionary(batches: list[list[tuple[int, int, int]]]) -> None:
     archive, reference, evaluation = cvt(), {}, 0
     for solutions in batches:
         archive.add(
@@ -151,7 +151,7 @@ def test_adding_is_that_of_a_dictionary(batches: list[list[tuple[int, int, int]]
     assert {e.cell: (e.fitness, e.evaluation) for e in archive.elites()} == reference
 
 
-def test_all_fields_of_an_elite_are_its_solutions(archive: Archive) -> None:
+def test_all_fields_of_an_elite_come_from_its_solution(archive: Archive) -> None:
     archive.add(batch([1.0], [[0.2, 0.3]], first=41))
     elite = archive.best()
     scalars = (elite.fitness, elite.evaluation, elite.generation, elite.operator)
@@ -171,7 +171,7 @@ def test_changed_cells_are_those_whose_elite_changed(filled: Archive) -> None:
 @pytest.mark.parametrize(
     ("value", "column"), [(0.0, 0), (29 / 100, 29), (57 / 100, 57), (1.0, 99), (1.5, 99), (-9, 0)]
 )
-def test_grid_bins_hold_their_lower_edge_and_what_lies_outside(value: float, column: int) -> None:
+def test_grid_bins_include_their_lower_edge_and_outside_values(value: float, column: int) -> None:
     archive = GridArchive((100,), [0.0], [1.0], P)
     assert archive.cell_of([[value]]).tolist() == [column]
 
@@ -189,10 +189,10 @@ def test_rounded_descriptors_on_the_edges_of_bins_fill_every_bin() -> None:
     decimals=st.integers(0, 4),
 )
 @settings(max_examples=300, deadline=None)
-def test_cells_at_the_edges_of_bins_are_those_of_pyribs(
+def test_cells_at_the_edges_of_bins_equal_those_of_pyribs(
     bins: int, low: int, extent: int, decimals: int
 ) -> None:
-    """Bounds and edges as users write them: each the float64 number nearest to its exact value."""
+    """Bounds and edges are as users write them: the float64 numbers nearest to their exact values."""
     scale = 10**decimals
     bounds = low / scale, (low + extent) / scale
     width = (bounds[1] - bounds[0]) / bins
@@ -213,7 +213,7 @@ def test_cells_at_the_edges_of_bins_are_those_of_pyribs(
 
 @pytest.mark.parametrize("bins", [1, 7, 20, 100, 1000])
 @pytest.mark.parametrize("bounds", [(0.0, 1.0), (-1.0, 1.0), (-0.3, 0.6), (0.1, 0.8), (5.0, 47.0)])
-def test_cells_at_the_edges_are_those_of_pyribs_with_its_own_tolerance(
+def test_cells_at_the_edges_equal_those_of_pyribs_with_its_own_tolerance(
     bins: int, bounds: tuple[float, float]
 ) -> None:
     low, high = (Fraction(str(bound)) for bound in bounds)
@@ -234,8 +234,8 @@ def test_grid_cells_do_not_depend_on_the_unit_of_the_descriptor(unit: float) -> 
 
 
 @pytest.mark.parametrize("bins", [6, 32, 1000])
-def test_shares_of_steps_are_in_the_bins_of_exact_arithmetic(bins: int) -> None:
-    """The descriptors of the built-in tasks, in episodes of up to their 1000 steps."""
+def test_shares_of_steps_fall_into_the_bins_of_exact_arithmetic(bins: int) -> None:
+    """Descriptors as in the built-in tasks, whose episodes have up to 1000 steps."""
     rng = np.random.default_rng(4)
     length = rng.integers(1, 1001, 20000)
     count = rng.integers(0, length + 1)
@@ -264,7 +264,7 @@ def test_a_descriptor_far_outside_has_the_nearest_cell() -> None:
         ("parameters", math.nan),
     ],
 )
-def test_a_batch_with_a_number_that_is_none_is_refused_whole(
+def test_a_batch_with_a_non_finite_number_is_refused_as_a_whole(
     archive: Archive, name: str, value: float
 ) -> None:
     solutions = batch([1.0, 2.0], [[0.1, 0.1], [0.9, 0.9]])
@@ -285,7 +285,7 @@ def test_solutions_of_other_controllers_are_refused(archive: Archive) -> None:
 @pytest.mark.parametrize(
     "changes", [{"fitness": [1, 2]}, {"parents": [[1, 2, 3]]}, {"descriptors": [0.1, 0.2]}]
 )
-def test_arrays_of_different_batches_are_refused(changes: dict[str, list[int]]) -> None:
+def test_arrays_of_different_lengths_are_refused(changes: dict[str, list[int]]) -> None:
     fields = {"fitness": [1], "descriptors": [[0, 0]], "parameters": np.ones((1, P))}
     with pytest.raises(ArchiveError, match="has the shape"):
         Solutions.of(**(fields | changes), evaluations=[0])
@@ -316,7 +316,7 @@ def test_parents_do_not_depend_on_the_order_of_discovery(make: Callable[[], Arch
 
 
 @pytest.mark.parametrize("ask", [Archive.best, lambda a: a.sample_parents(np.random, 1)])
-def test_an_empty_archive_has_no_elite_to_give(archive: Archive, ask) -> None:
+def test_an_empty_archive_has_no_elite(archive: Archive, ask) -> None:
     with pytest.raises(ArchiveError, match="empty"):
         ask(archive)
 
@@ -330,7 +330,7 @@ def test_best_is_the_fittest(filled: Archive) -> None:
     assert filled.best().fitness == max(e.fitness for e in filled.elites()) == filled.max_fitness
 
 
-def test_nearest_is_that_of_a_search_through_all(filled: Archive) -> None:
+def test_nearest_equals_an_exhaustive_search(filled: Archive) -> None:
     wanted = np.array([0.4, 0.6])
     near = [
         (float(np.linalg.norm(e.descriptor - wanted)), e.cell)
@@ -345,7 +345,7 @@ def test_nearest_is_that_of_a_search_through_all(filled: Archive) -> None:
 @pytest.mark.parametrize(
     "limits", [{"k": 0}, {"max_distance": math.nan}, {"min_fitness": math.nan}]
 )
-def test_limits_that_mean_nothing_are_refused(filled: Archive, limits: dict) -> None:
+def test_invalid_limits_are_refused(filled: Archive, limits: dict) -> None:
     with pytest.raises(ArchiveError, match="ask for at least one"):
         filled.nearest([0.5, 0.5], **limits)
 
@@ -381,7 +381,7 @@ OFFSET = np.array([-3.0, 50.0])
 
 
 def in_other_units(archive: Archive) -> Archive:
-    """Return an empty archive with the same cells, its descriptor told in other units."""
+    """Return an empty archive with the same cells and a descriptor in other units."""
     low, high = OFFSET, OFFSET + UNITS
     if archive.bins:
         return GridArchive(archive.bins, low, high, P)
@@ -408,7 +408,7 @@ def test_the_nearest_do_not_depend_on_the_units_of_the_descriptor(archive: Archi
         np.testing.assert_allclose(ours[1], theirs[1], rtol=1e-9)
 
 
-def test_in_the_unit_box_cells_are_those_of_plain_distances_to_the_last_bit() -> None:
+def test_in_the_unit_box_cells_equal_those_of_plain_distances_bit_for_bit() -> None:
     descriptors = np.random.default_rng(5).random((5000, 2))
     descriptors[:60] = (CENTROIDS + CENTROIDS[::-1]) / 2  # ties and almost ties
     expected = nearest_centroids(descriptors, CENTROIDS)

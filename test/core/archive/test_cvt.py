@@ -38,7 +38,7 @@ def _error(points: np.ndarray, centroids: np.ndarray) -> float:
 
 
 @pytest.mark.parametrize("dimensions", [1, 2, 4])
-def test_centroids_quantise_as_well_as_scipys(dimensions: int) -> None:
+def test_centroids_quantize_as_well_as_scipys(dimensions: int) -> None:
     ours = _centroids(100, dimensions, 20_000)
     rng = np.random.default_rng(1)
     points, unseen = rng.random((2, 20_000, dimensions))
@@ -65,7 +65,7 @@ def test_centroids_are_the_means_of_their_samples() -> None:
     np.testing.assert_allclose(centroids, means, atol=5e-3)
 
 
-def test_as_many_cells_as_samples_is_every_sample() -> None:
+def test_with_as_many_cells_as_samples_every_sample_is_a_centroid() -> None:
     samples = generator(0, Purpose.CENTROIDS, 0, 30).random((30, 2))
     np.testing.assert_array_equal(np.sort(_centroids(30, 2, 30), axis=0), np.sort(samples, axis=0))
 

@@ -1,4 +1,4 @@
-"""The archive as a map: the right fitness at the right place."""
+"""The archive as a map: the right fitness in the right place."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def grid(*bins: int) -> GridArchive:
 
 
 def expected(archive: Archive, descriptors: np.ndarray) -> list[int]:
-    """Return the scaled fitness of the elites of the cells that descriptors belong to, -1 for empty ones."""
+    """Return the scaled fitness of the elites in the cells of descriptors, -1 for empty cells."""
     fitness = archive.fitness[archive.cell_of(descriptors)]
     known = archive.fitness[archive.filled]
     share = (fitness - known.min()) / (known.max() - known.min())
@@ -76,12 +76,12 @@ def test_a_square_shows_the_cell_at_its_center(make) -> None:
     assert {-1, 0, 100} <= set(values)
 
 
-def test_what_is_outside_of_the_space_is_unknown() -> None:
+def test_squares_outside_the_descriptor_space_are_unknown() -> None:
     archive = filled(CvtArchive([[0.5, 0.5]], [0, 0], [1.0, 0.42], 1), 1)
     assert FitnessMap(archive, 5).values(archive).tolist() == [[100] * 5] * 2 + [[-1] * 5]
 
 
-def test_an_archive_without_elites_is_empty_and_equals_are_all_best() -> None:
+def test_an_archive_without_elites_is_empty_and_equal_elites_are_all_best() -> None:
     archive = GridArchive([2, 2], [0, 0], [1, 1], 1)
     shown = FitnessMap(archive)
     assert shown.values(archive).tolist() == [[-1, -1], [-1, -1]]
@@ -96,7 +96,7 @@ def test_an_archive_without_elites_is_empty_and_equals_are_all_best() -> None:
     assert shown.values(archive).tolist() == [[-1, 100], [100, -1]]
 
 
-def test_extreme_fitness_is_scaled_all_the_same() -> None:
+def test_extreme_fitness_is_scaled() -> None:
     archive = GridArchive([3, 1], [0, 0], [3, 1], 1)
     archive.add(
         Solutions.of(

@@ -75,13 +75,13 @@ def test_one_dimension_is_shown_as_columns(make) -> None:
     assert [tuple(image[0, x]) for x in (0, 35, 95)] == [EMPTY, DARK, BRIGHT]
 
 
-def test_a_cell_narrower_than_a_pixel_is_still_seen() -> None:
+def test_a_cell_narrower_than_a_pixel_is_still_visible() -> None:
     image = draw_heatmap(filled(cvt(1, 1000), [[0.5005]], [1.0]), 100)
     assert tuple(image[0, 50]) == BRIGHT
 
 
 @pytest.mark.parametrize("make", [cvt, grid])
-def test_four_dimensions_are_maps_within_a_map(make) -> None:
+def test_four_dimensions_are_nested_maps(make) -> None:
     # Outer column 5 of 6, outer row 1; inner column 2, inner row 4; rows count from the bottom.
     descriptor = (np.array([5, 1, 2, 4]) + 0.5) / 6
     image = draw_heatmap(filled(make(4, 6), [descriptor.tolist()], [1.0]), 360)
@@ -99,7 +99,7 @@ def test_a_given_scale_is_kept() -> None:
     assert tuple(image[0, 0]) == DARK
 
 
-def test_an_empty_archive_is_all_grey() -> None:
+def test_an_empty_archive_is_all_gray() -> None:
     assert (draw_heatmap(cvt(2, 4), 20) == EMPTY).all()
 
 
@@ -140,7 +140,7 @@ def test_any_tessellation_is_drawn_within_its_width(dimensions, cells) -> None:
 
 
 @pytest.mark.parametrize("make", [cvt, grid])
-def test_of_cells_that_share_a_pixel_the_fittest_is_shown(make) -> None:
+def test_a_pixel_that_cells_share_shows_the_fittest(make) -> None:
     archive = filled(make(1, 1000), [[0.5005], [0.5015], [0.9]], [1.0, 0.0, 0.5])
     image = draw_heatmap(archive, 100)
     assert tuple(image[0, 50]) == BRIGHT
@@ -154,13 +154,13 @@ def test_bins_of_two_dimensions_that_share_a_pixel_keep_their_place() -> None:
     assert corners == [DARK, DARK, EMPTY, BRIGHT]
 
 
-def test_fitness_whose_range_is_not_finite_is_shown() -> None:
+def test_fitness_with_an_infinite_range_is_shown() -> None:
     archive = filled(grid(1, 10), [[0.05], [0.55], [0.95]], [-1.5e308, 0.0, 1.5e308])
     image = draw_heatmap(archive, 100)
     assert [tuple(image[0, x]) for x in (5, 55, 95)] == [DARK, ANCHORS[2], BRIGHT]
 
 
-def test_no_pixels_are_refused() -> None:
+def test_a_width_of_zero_is_refused() -> None:
     with pytest.raises(ArchiveError, match="at least one pixel"):
         draw_heatmap(grid(4, 6), 0)
 

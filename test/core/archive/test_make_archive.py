@@ -1,4 +1,4 @@
-"""The empty archive that a task and the settings ask for."""
+"""The empty archive for a task and settings."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def test_cvt_is_the_default_with_the_cells_of_the_task():
     assert archive.cells == Lane.spec.archive_cells
 
 
-def test_settings_may_ask_for_other_cells():
+def test_settings_may_change_the_number_of_cells():
     assert make_archive(Lane.spec, QUICK.replace(cells=7)).cells == 7
 
 
@@ -41,7 +41,7 @@ def test_all_seeds_share_their_centroids():
     np.testing.assert_array_equal(one.centroids, other.centroids)
 
 
-def test_archive_is_empty_and_takes_controllers_of_the_task():
+def test_archive_is_empty_and_accepts_controllers_of_the_task():
     archive = make_archive(Lane.spec, QUICK.replace(controller_hidden=(4,)))
     assert archive.coverage == 0
     assert archive.parameter_count == (2 + 1) * 4 + (4 + 1) * 2

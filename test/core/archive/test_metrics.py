@@ -1,4 +1,4 @@
-"""Metrics of a generation, counted by hand."""
+"""Metrics of a generation compared with values computed by hand."""
 
 from __future__ import annotations
 
@@ -52,13 +52,13 @@ def two_generations() -> list[Metrics]:
         ("best_evaluation", 1, 4),
     ],
 )
-def test_metrics_are_those_counted_by_hand(
+def test_metrics_equal_those_computed_by_hand(
     two_generations: list[Metrics], name: str, first: object, second: object
 ) -> None:
     assert [getattr(metrics, name) for metrics in two_generations] == [first, second]
 
 
-def test_an_equal_does_not_take_the_best_ones_place() -> None:
+def test_an_equally_fit_elite_does_not_become_the_best_one() -> None:
     archive = GridArchive((10,), [0.0], [1.0], 1)
     before: Metrics | None = None
     best = []
@@ -76,7 +76,7 @@ def test_an_equal_does_not_take_the_best_ones_place() -> None:
     assert best == [0, 0, 2, 2]
 
 
-def test_a_solution_that_is_not_offered_counts_as_an_evaluation_alone() -> None:
+def test_a_solution_that_may_not_enter_counts_only_as_an_evaluation() -> None:
     archive = GridArchive((10,), [0.0], [1.0], 1)
     batch = Solutions.of(
         fitness=[1, 9, 2, 9],

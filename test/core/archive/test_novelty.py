@@ -1,4 +1,4 @@
-"""Novelty against scipy's nearest neighbors."""
+"""Novelty compared with SciPy's nearest neighbors."""
 
 from __future__ import annotations
 
@@ -32,14 +32,14 @@ def test_novelty_is_the_mean_distance_to_the_nearest(d, n, m, k, seed):
 @pytest.mark.parametrize("k", [1, 5, 70])
 def test_no_point_is_its_own_neighbor(k):
     own = points(50, 3)
-    own[7] = own[3]  # an equal point is another one, and may be a neighbor
+    own[7] = own[3]  # an equal point is a different one, and may be a neighbor
     distances = cKDTree(own).query(own, min(k, 49) + 1)[0][:, 1:]
     np.testing.assert_allclose(
         novelty(own, own, k, themselves=True), distances.mean(axis=1), rtol=1e-12
     )
 
 
-def test_blocks_of_large_sets_fit_together():
+def test_large_sets_of_several_blocks():
     asked, others = points(700, 2), points(900, 2, 1)
     expected = trees_mean(cKDTree(others), asked, 10)
     np.testing.assert_allclose(novelty(asked, others, 10), expected, rtol=1e-12)
@@ -47,7 +47,7 @@ def test_blocks_of_large_sets_fit_together():
     np.testing.assert_allclose(novelty(asked, asked, 10, themselves=True), own, rtol=1e-12)
 
 
-def test_the_number_for_a_point_does_not_depend_on_the_others_asked_with_it():
+def test_the_result_for_a_point_does_not_depend_on_other_points():
     asked, others = points(300, 4), points(2000, 4, 1)
     together = novelty(asked, others, 7)
     alone = np.concatenate([novelty(p[None], others, 7) for p in asked])
@@ -60,17 +60,17 @@ def test_without_neighbors_novelty_is_zero(own, others):
     assert novelty(points(1, 2), points(1, 2), 5, themselves=True).tolist() == [0.0]
 
 
-def test_nearest_distance_is_scipys():
+def test_nearest_distance_equals_scipys():
     asked, others = points(500, 3), points(600, 3, 1)
     np.testing.assert_allclose(nearest_distance(asked, others), cKDTree(others).query(asked)[0])
     assert np.isinf(nearest_distance(asked, points(0, 3))).all()
 
 
-def test_every_dimension_weighs_as_much_as_its_range_says():
+def test_dimensions_are_weighted_by_their_range():
     scaled = unit_box([[2.0, -5.0], [4.0, 5.0], [1.0, 9.0]], [2.0, -10.0], [6.0, 10.0])
     np.testing.assert_allclose(scaled, [[0.0, 0.25], [0.5, 0.75], [0.0, 0.95]])
 
 
-def test_bounds_that_are_no_box_are_told():
+def test_bounds_that_are_not_a_box_are_refused():
     with pytest.raises(ArchiveError, match="bounds"):
         unit_box([[0.0]], [1.0], [1.0])

@@ -1,4 +1,4 @@
-"""Compiled arithmetic: the same bits as the Python code that it was made from."""
+"""Compiled arithmetic gives the same bits as its Python code."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ for array in search.learner.state().values():
 
 
 def outcome(**environment: str) -> list[str]:
-    """Return whether functions were compiled, and digests of the repertoire and the critics of a short search."""
+    """Return whether functions were compiled, and digests of a short search's repertoire and critics."""
     run = subprocess.run(
         [sys.executable, "-c", PROGRAM],
         env={**os.environ, **environment},

@@ -1,4 +1,4 @@
-"""Threads that work while cores are idle: all is done once, nothing is lost, and no result depends on their number."""
+"""Threads that use idle cores: everything is done exactly once, and no result depends on their number."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ PATIENCE = 30.0
 
 @pytest.fixture
 def unread() -> Iterator[None]:
-    """A process that has not looked for the machine's load yet, before and after."""
+    """Reset the machine's load as known to this process, before and after."""
     threads._open_load.cache_clear()
     yield
     threads._open_load.cache_clear()
 
 
 def busy() -> list[subprocess.Popen[bytes]]:
-    """Start a process per core that does nothing but run."""
+    """Start one process per core that keeps it busy."""
     program = "print(flush=True)\nwhile True: pass"
     started = [
         subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE)
@@ -45,7 +45,7 @@ def busy() -> list[subprocess.Popen[bytes]]:
     return started
 
 
-def test_no_core_is_idle_where_each_is_in_use() -> None:
+def test_no_core_is_idle_if_all_are_in_use() -> None:
     others = busy()
     try:
         assert idle_cores() < 0
@@ -67,7 +67,7 @@ def test_the_system_counts_the_caller(tmp_path: Path, monkeypatch: pytest.Monkey
 
 
 @pytest.mark.usefixtures("unread")
-def test_a_system_that_does_not_tell_is_taken_to_be_idle(
+def test_a_system_without_this_information_counts_as_idle(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(threads, "LOAD_FILE", str(tmp_path / "absent"))
@@ -76,7 +76,7 @@ def test_a_system_that_does_not_tell_is_taken_to_be_idle(
 
 
 class Counting:
-    """Parts 0 to n - 1 of some work; each waits until as many threads as wanted have been at one together."""
+    """Parts 0 to n - 1 of some work; each waits until a given number of threads have worked at the same time."""
 
     def __init__(self, parts: int, together: int = 1) -> None:
         self._todo = iter(range(parts))
@@ -93,14 +93,14 @@ class Counting:
                 break
 
 
-def test_each_core_that_is_free_gets_a_helper(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_each_idle_core_gets_a_helper(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(threads, "idle_cores", lambda: 2)
     work = Counting(30, together=3)
     run_with_helpers(work, helpers=5)
     assert sorted(work.done) == list(range(30))
 
 
-def test_helpers_are_called_no_more_than_wanted(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_there_are_no_more_helpers_than_allowed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(threads, "idle_cores", lambda: 63)
     work = Counting(30, together=3)
     run_with_helpers(work, helpers=2)
@@ -109,7 +109,9 @@ def test_helpers_are_called_no_more_than_wanted(monkeypatch: pytest.MonkeyPatch)
 
 
 @pytest.mark.parametrize("idle", [0, -3])
-def test_without_a_free_core_there_is_no_helper(monkeypatch: pytest.MonkeyPatch, idle: int) -> None:
+def test_without_an_idle_core_there_is_no_helper(
+    monkeypatch: pytest.MonkeyPatch, idle: int
+) -> None:
     monkeypatch.setattr(threads, "idle_cores", lambda: idle)
     work = Counting(5)
     run_with_helpers(work, helpers=2)
@@ -117,7 +119,7 @@ def test_without_a_free_core_there_is_no_helper(monkeypatch: pytest.MonkeyPatch,
     assert work.workers == {threading.get_ident()}
 
 
-def test_a_helper_leaves_when_threads_wait_for_their_turn(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_helper_stops_when_threads_wait_for_a_core(monkeypatch: pytest.MonkeyPatch) -> None:
     here = threading.get_ident()
     monkeypatch.setattr(threads, "idle_cores", lambda: 1 if threading.get_ident() == here else -1)
     parts_of_helpers: list[int] = []
@@ -139,7 +141,7 @@ def test_a_helper_leaves_when_threads_wait_for_their_turn(monkeypatch: pytest.Mo
     assert next(todo, None) is None
 
 
-def test_what_goes_wrong_in_a_helper_is_raised(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_exception_in_a_helper_is_raised(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(threads, "idle_cores", lambda: 1)
     here = threading.get_ident()
 
@@ -154,12 +156,12 @@ def test_what_goes_wrong_in_a_helper_is_raised(monkeypatch: pytest.MonkeyPatch) 
 
 @pytest.fixture
 def idle_machine(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Have a core idle, whatever else this machine does."""
+    """Pretend that a core is idle, whatever else this machine does."""
     monkeypatch.setattr(threads, "idle_cores", lambda: 1)
 
 
 @pytest.mark.parametrize(("idle", "used"), [(1, 2), (0, 1), (-1, 1)])
-def test_jobs_run_side_by_side_only_where_a_core_is_idle(
+def test_jobs_run_in_parallel_only_if_a_core_is_idle(
     monkeypatch: pytest.MonkeyPatch, idle: int, used: int
 ) -> None:
     monkeypatch.setattr(threads, "idle_cores", lambda: idle)
@@ -171,7 +173,7 @@ def test_jobs_run_side_by_side_only_where_a_core_is_idle(
 
 @pytest.mark.usefixtures("idle_machine")
 @pytest.mark.parametrize("jobs", [2, 3])
-def test_all_jobs_are_done_before_the_next_ones_are_given(jobs: int) -> None:
+def test_all_jobs_are_done_before_the_next_ones_start(jobs: int) -> None:
     done = [0] * jobs
     pair = PairOfThreads(2, 1)
 
@@ -200,7 +202,7 @@ def test_a_job_may_wait_for_one_before_it() -> None:
 
 @pytest.mark.usefixtures("idle_machine")
 @pytest.mark.parametrize("caller_fails", [False, True])
-def test_what_a_job_raises_is_raised_once_all_have_ended(caller_fails: bool) -> None:
+def test_an_exception_in_a_job_is_raised_after_all_have_ended(caller_fails: bool) -> None:
     pair, ended = PairOfThreads(2, 1), []
 
     def fail() -> None:

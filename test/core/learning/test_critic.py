@@ -1,4 +1,4 @@
-"""Critic training: bit-identity, settings, state, and a problem whose answer is known."""
+"""Critic training: reproducibility, settings, state, and a problem with a known solution."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ SETTINGS = Settings(
     controller_hidden=(8, 8),
     critic_hidden=(16, 16),
     seed=3,
-    device="auto",  # a GPU has to do all that a CPU does
+    device="auto",  # a GPU must pass, too
 )
 
 
@@ -72,7 +72,7 @@ def test_paper_sized_networks_train_to_the_same_bits_twice():
 
 
 @pytest.mark.parametrize("idle", [[1], [0], [1, 1, 0]], ids=["always", "never", "now and then"])
-def test_second_critic_in_a_thread_of_its_own_changes_no_bit(monkeypatch, idle):
+def test_second_critic_in_its_own_thread_changes_no_bit(monkeypatch, idle):
     free = itertools.cycle(idle)
     monkeypatch.setattr(threads, "idle_cores", lambda: next(free))
     settings = Settings(n_crit=8)
@@ -183,7 +183,7 @@ def test_setting_target_action_matters_only_beyond_the_limits():
             for choice in ("clip", "free")
         ]
 
-    # Random controllers act within ±0.7 or so, which small noise does not carry past ±1.
+    # Random controllers act within about ±0.7, and small noise does not exceed ±1.
     small, large = pair(smoothing_sigma=0.01), pair(smoothing_sigma=2.0, smoothing_clip=2.0)
     np.testing.assert_array_equal(*small)
     assert not np.array_equal(*large)
@@ -233,7 +233,7 @@ def test_empty_replay_is_refused():
         CriticTrainer(Robot(), SETTINGS).train(ReplayBuffer(10, 4, 2), SETTINGS, 0)
 
 
-def test_divergence_is_said():
+def test_divergence_is_reported():
     with pytest.raises(NetworkError, match="diverged in generation 5"):
         CriticTrainer(Robot(), SETTINGS).train(filled_replay(rewards=1e30), SETTINGS, 5)
 
@@ -243,13 +243,13 @@ def test_unknown_device_is_refused():
         SETTINGS.replace(device="abacus")
 
 
-@pytest.mark.skipif(torch.cuda.is_available(), reason="what a machine without a GPU says")
+@pytest.mark.skipif(torch.cuda.is_available(), reason="error on a machine without a GPU")
 def test_device_that_the_machine_lacks_is_refused():
     with pytest.raises(SettingsError, match=r"Device 'cuda' cannot be used here .*'auto' or 'cpu'"):
         CriticTrainer(Robot(), SETTINGS.replace(device="cuda"))
 
 
-def test_auto_takes_a_gpu_where_there_is_one():
+def test_auto_uses_a_gpu_if_there_is_one():
     device = CriticTrainer(Robot(), SETTINGS).device
     assert device.type == ("cuda" if torch.cuda.is_available() else "cpu")
 
@@ -261,7 +261,7 @@ class Bandit:
 
 
 def test_greedy_controller_finds_the_optimum_of_a_quadratic_reward():
-    """One step per episode, reward -(a - 0.5 s)^2 with s within ±1: the best action is 0.5 s."""
+    """With one step per episode and reward -(a - 0.5 s)^2 for s within ±1, the best action is 0.5 s."""
     rng = np.random.default_rng(0)
     replay = ReplayBuffer(3000, 1, 1)
     for _ in range(3000):
@@ -294,7 +294,7 @@ def test_batches_of_a_few_transitions_train(rows):
 
 @pytest.mark.parametrize("period", [1, 2, 3, 7, 50])
 def test_training_may_be_divided_anywhere(period):
-    """TD3 trains for one step per step of the robot: what a training ends with depends on the steps alone."""
+    """TD3 trains for one step per step of the robot: the result depends only on the steps."""
     settings = SETTINGS.replace(target_period=period)
 
     class Constant:
@@ -320,7 +320,7 @@ def test_training_may_be_divided_anywhere(period):
 
 @pytest.mark.parametrize("period", [1, 2, 3, 8, 50])
 @pytest.mark.parametrize("steps", [range(1, 2), range(1, 31), range(7, 120)], ids=str)
-def test_targets_move_after_the_last_step_of_a_block_only(steps, period):
+def test_targets_move_only_after_the_last_step_of_a_block(steps, period):
     found = list(blocks(steps, period))
     assert [t for block in found for t in block] == list(steps)
     assert all(len(block) <= BLOCK for block in found)

@@ -1,4 +1,4 @@
-"""Critic training against two oracles in float64: NumPy with derivatives by hand, and `td3_step` with autograd.
+"""Critic training compared with two float64 references: NumPy with hand-derived gradients, and `td3_step`.
 
 Both draw the same transitions and noise from the generator of (seed, CRITIC_TRAINING, generation):
 in each step N indices, then (N, act_dim) normal numbers.
@@ -20,7 +20,7 @@ from pga_me_ros.core.rng import Purpose, generator
 from pga_me_ros.core.settings import Settings
 
 OBS, ACT = 5, 3
-# Large rates, so that a wrong step shows far above the rounding of float32.
+# Large rates, so that a wrong step exceeds float32 rounding by far.
 BASE = Settings(
     seed=11,
     n_crit=9,
@@ -32,7 +32,7 @@ BASE = Settings(
     greedy_learning_rate=2e-3,
     target_rate=0.1,
     smoothing_sigma=0.4,
-    device="auto",  # a GPU has to give the textbook's result, too
+    device="auto",  # a GPU must give the textbook's result, too
 )
 CASES = {
     "paper": BASE,
@@ -77,7 +77,7 @@ def draws(replay, settings, generation):
 
 
 class NumpyMlp:
-    """Perceptron in float64 whose gradients are derived by hand."""
+    """Perceptron in float64 with hand-derived gradients."""
 
     def __init__(self, sizes, flat, *, tanh):
         self.tanh, self.tensors, offset = tanh, [], 0
@@ -102,7 +102,7 @@ class NumpyMlp:
         return self.signals[-1]
 
     def backward(self, d):
-        """Return gradients by the tensors and by the input."""
+        """Return gradients with respect to the tensors and to the input."""
         gradients = [None] * len(self.tensors)
         if self.tanh:
             d = d * (1 - self.signals[-1] ** 2)
@@ -130,7 +130,7 @@ class NumpyMlp:
 
 
 def numpy_training(state, trainer, replay, settings, generation):
-    """Alg. 4 step by step; returns the flat networks by name."""
+    """Carry out Alg. 4 step by step; return the flat networks by name."""
 
     def network(flat, greedy=False):
         shape = trainer.greedy_shape if greedy else trainer.critic_shape
@@ -169,7 +169,7 @@ def numpy_training(state, trainer, replay, settings, generation):
 
 
 def reference(state, trainer, settings):
-    """Return the readable form of Alg. 4 in float64, with the networks that a trainer started from."""
+    """Return the readable version of Alg. 4 in float64, with the initial networks of a trainer."""
     greedy = perceptron(trainer.greedy_shape, state["greedy"][0], tanh=True)
     critics = [perceptron(trainer.critic_shape, flat) for flat in state["critics"]]
     return TextbookTd3(greedy.double(), [critic.double() for critic in critics], settings)

@@ -1,4 +1,4 @@
-"""Learners in memory and on disk: whatever is lost on the way, the outcome is the same bits."""
+"""Learners in memory and on disk: whatever is lost on the way, the outcome has the same bits."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ BY_NAME = {"ids": lambda c: "-".join(map(str, next(iter(c.items()), ("paper",)))
 
 
 @pytest.mark.parametrize("changes", SCHEDULES, **BY_NAME)
-def test_a_learner_restarted_before_every_generation_goes_on_bit_for_bit(changes, tmp_path):
+def test_a_learner_restarted_before_every_generation_continues_bit_for_bit(changes, tmp_path):
     settings = BRIEF.replace(**changes)
     graph = GraphInSmall(settings, tmp_path)
     graph.grow(range(settings.generations), restarts=range(settings.generations))
@@ -35,14 +35,14 @@ def test_a_learner_restarted_before_every_generation_goes_on_bit_for_bit(changes
 
 
 @pytest.mark.parametrize("changes", SCHEDULES, **BY_NAME)
-def test_a_learner_that_dies_after_its_training_goes_on_bit_for_bit(changes, tmp_path):
+def test_a_learner_that_dies_after_its_training_continues_bit_for_bit(changes, tmp_path):
     settings = BRIEF.replace(**changes)
     graph = GraphInSmall(settings, tmp_path)
     graph.grow(range(settings.generations), late_restarts=range(1, settings.generations, 2))
     assert graph.archive.digest() == grown(settings).archive.digest()
 
 
-def test_training_goes_on_after_a_pause_longer_than_experience_is_kept(tmp_path):
+def test_training_continues_after_a_pause_longer_than_experience_is_kept(tmp_path):
     settings = BRIEF.replace(replay_size=40)
     off = settings.replace(n_evo=settings.batch_size)
     graph = GraphInSmall(settings, tmp_path, rates={3: off, 8: settings})
@@ -51,9 +51,7 @@ def test_training_goes_on_after_a_pause_longer_than_experience_is_kept(tmp_path)
 
 
 @pytest.mark.parametrize("schedule", ["overlapped", "alternating"])
-def test_critics_of_a_generation_that_was_interrupted_are_no_start_for_later_ones(
-    schedule, tmp_path
-):
+def test_later_trainings_do_not_start_from_critics_of_an_interrupted_generation(schedule, tmp_path):
     settings = BRIEF.replace(schedule=schedule)
     off = settings.replace(n_evo=settings.batch_size)
     graph = GraphInSmall(settings, tmp_path, rates={4: off, 6: settings})
@@ -76,7 +74,7 @@ def grown_with_a_pause(settings, pause):
     return search.archive.digest()
 
 
-def test_a_training_done_again_with_other_rates_starts_from_the_state_before_it(tmp_path):
+def test_a_training_repeated_with_other_rates_starts_from_the_state_before_it(tmp_path):
     once, twice = (GraphInSmall(BRIEF, tmp_path / name) for name in ("once", "twice"))
     for graph in (once, twice):
         graph.grow(range(4))
@@ -105,7 +103,7 @@ def test_an_outcome_is_found_for_exactly_its_order(tmp_path):
     assert graph.learner.find(TrainingOrder.of(4, 2, BRIEF.replace(n_crit=11))) is None
 
 
-def test_a_best_start_without_a_controller_is_refused(tmp_path):
+def test_greedy_init_best_without_a_controller_is_refused(tmp_path):
     settings = BRIEF.replace(greedy_init="best")
     graph = GraphInSmall(settings, tmp_path)
     graph.grow(range(2))
@@ -113,14 +111,14 @@ def test_a_best_start_without_a_controller_is_refused(tmp_path):
         graph.learner.prepare(TrainingOrder.of(2, 1, settings))
 
 
-def test_experience_that_is_not_there_is_told(tmp_path):
+def test_missing_experience_is_reported(tmp_path):
     graph = GraphInSmall(BRIEF, tmp_path)
     graph.grow(range(4))
     with pytest.raises(StorageError, match="generation 4 is missing"):
         graph.learner.prepare(TrainingOrder.of(5, 4, BRIEF))
 
 
-def test_experience_that_was_lost_on_disk_is_told(tmp_path):
+def test_experience_lost_on_disk_is_reported(tmp_path):
     graph = GraphInSmall(BRIEF, tmp_path)
     graph.grow(range(4))
     (tmp_path / "experience" / "experience-00000002.ckpt").unlink()
@@ -129,7 +127,7 @@ def test_experience_that_was_lost_on_disk_is_told(tmp_path):
         graph.learner.prepare(TrainingOrder.of(5, 3, BRIEF))
 
 
-def test_a_folder_that_cannot_be_made_is_told(tmp_path):
+def test_a_folder_that_cannot_be_made_is_reported(tmp_path):
     (tmp_path / "file").touch()
     with pytest.raises(StorageError, match="give run_dir a folder"):
         ResumableLearner(Lane.spec, BRIEF, tmp_path / "file" / "run")
@@ -149,7 +147,7 @@ def test_state_carries_over_everything_but_the_experience():
 
 
 @pytest.mark.parametrize(("batches", "sets"), [("shared", 1), ("own", 10)])
-def test_snapshot_holds_the_state_batches_that_the_setting_asks_for(batches, sets, tmp_path):
+def test_snapshot_holds_the_state_batches_of_the_setting(batches, sets, tmp_path):
     settings = BRIEF.replace(pg_batches=batches)
     graph = GraphInSmall(settings, tmp_path)
     graph.grow(range(2))

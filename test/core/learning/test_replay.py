@@ -1,4 +1,4 @@
-"""The replay buffer against a plain list of transitions."""
+"""The replay buffer compared with a plain list of transitions."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ OBS, ACT = 3, 2
 
 
 def episode(steps, first=0):
-    """Episode in which every number says where it belongs."""
+    """Return an episode in which every number identifies its place."""
     states = 100.0 * (first + np.arange(steps + 1))[:, None] + np.arange(OBS)
     actions = -100.0 * (first + np.arange(steps))[:, None] - np.arange(ACT)
     rewards = first + np.arange(steps) + 0.5
@@ -20,7 +20,7 @@ def episode(steps, first=0):
 
 
 def rows_of(states, actions, rewards, fell):
-    """Rows [s, a, s', r, not_done] by a plain loop."""
+    """Return rows [s, a, s', r, not_done], made by a plain loop."""
     last = len(actions) - 1
     return [
         [*states[t], *actions[t], *states[t + 1], rewards[t], float(not (fell and t == last))]
@@ -100,7 +100,7 @@ def test_state_batches_are_states_that_were_added():
     np.testing.assert_array_equal(batches[..., 2] - batches[..., 0], 2)
 
 
-def test_an_empty_buffer_says_so():
+def test_an_empty_buffer_is_reported():
     with pytest.raises(PgaError, match="empty"):
         ReplayBuffer(10, OBS, ACT).sample_indices(np.random.default_rng(0), 3)
 

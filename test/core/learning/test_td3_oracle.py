@@ -1,7 +1,7 @@
-"""TD3 with an archive beside it against TD3 as a textbook writes it (Fujimoto et al. 2018, Alg. 1), in float64.
+"""TD3 with an archive compared with textbook TD3 (Fujimoto et al. 2018, Alg. 1) in float64.
 
-The textbook acts and learns by itself: only initial networks, random controllers, noise and the numbers of the
-transitions of each batch are drawn as the run draws them.
+The textbook acts and learns by itself: it shares only initial networks, random controllers, noise and the indices of
+each batch's transitions with the run.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ S = settings_of(
     random_init=6,
     evaluations=18,
     discount=0.9,
-    target_period=5,  # no divisor of a generation's steps, so that counting anew in each would show
+    target_period=5,  # does not divide a generation's steps, which reveals counting from 0 in each
     critic_learning_rate=2e-3,
     greedy_learning_rate=2e-3,
     target_rate=0.05,
@@ -35,7 +35,7 @@ OBS, ACT = Lane.spec.observation_dim, Lane.spec.action_dim
 
 
 class Textbook:
-    """The actor of a TD3 that acts and learns by itself; one training step per call of `train`."""
+    """A TD3 that acts and learns by itself; one training step per call of `train`."""
 
     def __init__(self, search):
         self._td3 = reference(search.learner.state(), search.learner._trainer, S)
@@ -51,7 +51,7 @@ class Textbook:
 
 
 def episode(act, evaluation, sigma):
-    """Yield (s, a, r, s', not_done) of an episode whose actor explores."""
+    """Yield (s, a, r, s', not_done) of an episode with exploration."""
     task, noise = Lane(), generator(S.seed, Purpose.EXPLORATION, 0, evaluation)
     state = task.reset(evaluation_rng(S.seed, evaluation))
     for step in range(1, Lane.spec.max_steps + 1):
@@ -68,7 +68,7 @@ def episode(act, evaluation, sigma):
 
 
 def batches(replay, generation, steps):
-    """Yield the batches that the run draws, in float64."""
+    """Yield the run's batches in float64."""
     rng = generator(S.seed, Purpose.CRITIC_TRAINING, generation)
     n = S.transition_batch
     for _ in range(steps):
@@ -81,12 +81,12 @@ def batches(replay, generation, steps):
 
 @pytest.fixture(autouse=True)
 def one_thread():
-    """Networks as small as these gain nothing by more."""
+    """Use one thread: these networks are too small to gain from more."""
     with torch_threads(1):
         yield
 
 
-def test_the_actor_of_every_generation_is_that_of_a_textbook():
+def test_the_actor_of_every_generation_equals_the_textbooks():
     search = Search(Lane.spec, S)
     textbook = Textbook(search)
     start = textbook.act(np.zeros(2, np.float32))

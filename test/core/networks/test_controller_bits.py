@@ -1,4 +1,4 @@
-"""An action has the same bits wherever its numbers lie in memory, and in every process."""
+"""An action has the same bits wherever the numbers are in memory, and in every process."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ CACHE_LINE = 64
 
 
 def placed(values: np.ndarray, offset: int) -> np.ndarray:
-    """Return a copy that begins so many bytes after the start of a cache line."""
+    """Return a copy that begins a number of bytes after the start of a cache line."""
     memory = np.empty(values.nbytes + 2 * CACHE_LINE, np.uint8)
     start = -memory.ctypes.data % CACHE_LINE + offset
     copy = memory[start : start + values.nbytes].view(values.dtype).reshape(values.shape)
@@ -28,7 +28,7 @@ def placed(values: np.ndarray, offset: int) -> np.ndarray:
 
 
 def action_digest(sizes: tuple[int, ...]) -> str:
-    """Return a digest of the actions of a controller along a hundred observations."""
+    """Return a digest of a controller's actions for a hundred observations."""
     rng = np.random.default_rng(7)
     controller = MlpController(MlpShape(sizes), random_parameters(MlpShape(sizes), rng))
     observations = rng.standard_normal((100, sizes[0]), np.float32)
@@ -36,20 +36,20 @@ def action_digest(sizes: tuple[int, ...]) -> str:
 
 
 @pytest.mark.parametrize("sizes", SIZES, ids=str)
-def test_bits_do_not_depend_on_where_the_numbers_lie(sizes):
+def test_bits_do_not_depend_on_memory_alignment(sizes):
     shape = MlpShape(sizes)
     rng = np.random.default_rng(1)
     parameters = random_parameters(shape, rng)
     observation = rng.standard_normal(sizes[0], np.float32)
     wanted = MlpController(shape, parameters)(observation).tobytes()
     blocks, own_offsets = [], set()
-    for offset in range(CACHE_LINE):  # odd ones too: a message's buffer may begin anywhere
-        blocks.append(np.empty(16 + 16 * (offset % 7), np.uint8))  # moves what is allocated next
+    for offset in range(CACHE_LINE):  # odd ones, too: a message's buffer may begin anywhere
+        blocks.append(np.empty(16 + 16 * (offset % 7), np.uint8))  # moves the next allocation
         controller = MlpController(shape, placed(parameters, offset))
         blocks += controller._matrices
         own_offsets |= {m.ctypes.data % CACHE_LINE for m in controller._matrices}
         assert controller(placed(observation, (13 * offset) % CACHE_LINE)).tobytes() == wanted
-    assert len(own_offsets) > 1, "all controllers lay alike: the test has shown nothing"
+    assert len(own_offsets) > 1, "all controllers have the same alignment: the test proves nothing"
 
 
 @pytest.mark.parametrize("sizes", SIZES, ids=str)

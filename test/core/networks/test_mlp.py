@@ -1,4 +1,4 @@
-"""Controllers: layout, checks, random ones, and the forward pass against float64."""
+"""Controllers: layout, checks, random ones, and the forward pass compared with float64."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Walker:
 
 
 def forward64(shape, parameters, observation):
-    """Forward pass in float64, straight from the documented layout."""
+    """Compute the forward pass in float64, following the documented layout."""
     flat, signal, offset = parameters.astype(np.float64), observation.astype(np.float64), 0
     for layer in range(1, len(shape.sizes)):
         n_in, n_out = shape.sizes[layer - 1 : layer + 1]
@@ -56,7 +56,7 @@ def test_shapes_come_from_task_and_settings():
 
 
 @pytest.mark.parametrize("sizes", [(5,), (), (3, 0, 2), (-1, 2)])
-def test_sizes_that_make_no_network_are_refused(sizes):
+def test_invalid_layer_sizes_are_refused(sizes):
     with pytest.raises(NetworkError, match="make no network"):
         MlpShape(sizes)
 
@@ -92,7 +92,7 @@ def test_action_equals_float64_forward_pass(sizes):
         np.testing.assert_allclose(controller(observation), wanted, rtol=0, atol=5e-6)
 
 
-def test_action_has_the_same_bits_whatever_ran_before_and_wherever_the_parameters_lie():
+def test_action_has_the_same_bits_whatever_ran_before_and_wherever_the_parameters_are():
     rng = np.random.default_rng(2)
     parameters = random_parameters(WALKER, rng)
     shifted = np.empty(len(parameters) + 3, np.float32)[3:]
@@ -104,7 +104,7 @@ def test_action_has_the_same_bits_whatever_ran_before_and_wherever_the_parameter
     assert used(observation).tobytes() == fresh(observation).tobytes()
 
 
-def test_action_is_float32_and_stays_as_it_is_after_the_next_call():
+def test_action_is_float32_and_unchanged_by_the_next_call():
     controller = MlpController(WALKER, random_parameters(WALKER, np.random.default_rng(3)))
     first = controller(np.ones(22, np.float32))
     kept = first.copy()

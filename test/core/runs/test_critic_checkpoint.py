@@ -1,4 +1,4 @@
-"""Outcomes of trainings on disk: found by their order, kept as long as they may be needed."""
+"""Outcomes of trainings on disk are found by their order, and kept as long as they may be needed."""
 
 from __future__ import annotations
 
@@ -69,12 +69,12 @@ def assert_same(found, wanted):
         np.testing.assert_array_equal(array, wanted[1][name], strict=True)
 
 
-def test_an_outcome_comes_back_bit_for_bit(tmp_path):
+def test_an_outcome_is_read_back_bit_for_bit(tmp_path):
     saved(tmp_path, [5])
     assert_same(CriticCheckpoints(tmp_path).find(order(5)), outcome(5))
 
 
-def test_an_outcome_without_critics_comes_back(tmp_path):
+def test_an_outcome_without_critics_is_read_back(tmp_path):
     snapshot, state = outcome(5)
     evolved = without_critics(snapshot)
     CriticCheckpoints(tmp_path).save(order(5), evolved, state)
@@ -99,7 +99,7 @@ def diverse(snapshot):
 @pytest.mark.parametrize("absent", [(), ("diversity_critic",), ("center", "diversity_critic")])
 @pytest.mark.parametrize("of", [lambda s: s, without_critics, diverse])
 def test_a_file_with_a_field_per_network_is_read(of, absent, tmp_path):
-    """Older files have the layers of critics and controllers once each; the oldest ones lack the newer fields."""
+    """Older files have the layers of critics and controllers only once each; the oldest lack the newer fields."""
     snapshot, state = outcome(5)
     snapshot = of(snapshot)
     CriticCheckpoints(tmp_path).save(order(5), snapshot, state)
@@ -132,7 +132,7 @@ def test_the_newest_earlier_outcome_is_the_state_before(tmp_path):
     assert_same(checkpoints.before(100), outcome(8))
 
 
-def test_there_is_nothing_before_the_first(tmp_path):
+def test_nothing_is_before_the_first(tmp_path):
     assert saved(tmp_path, [5, 6]).before(5) is None
 
 
@@ -142,14 +142,14 @@ def test_only_the_newest_are_kept(tmp_path):
     assert kept == list(range(12 - KEPT, 12))
 
 
-def test_outcomes_that_built_on_a_replaced_one_are_dropped(tmp_path):
+def test_outcomes_based_on_a_replaced_one_are_deleted(tmp_path):
     checkpoints = saved(tmp_path, [5, 6, 7])
     checkpoints.save(order(6, n_crit=7), *outcome(6))
     assert checkpoints.find(order(7)) is None
     assert_same(checkpoints.before(8), outcome(6))
 
 
-def test_a_damaged_file_is_told(tmp_path):
+def test_a_damaged_file_is_reported(tmp_path):
     checkpoints = saved(tmp_path, [5])
     path = tmp_path / "critic-00000005.ckpt"
     path.write_bytes(path.read_bytes()[:-40])
@@ -161,7 +161,7 @@ def test_a_damaged_file_is_told(tmp_path):
     ("arrays", "meta"),
     [({}, {}), ({"snapshot.critic": np.zeros(3)}, {"order": {}}), ({}, {"order": {}, "loss": 1.0})],
 )
-def test_a_file_that_holds_something_else_is_told(tmp_path, arrays, meta):
+def test_a_file_with_other_content_is_reported(tmp_path, arrays, meta):
     save_checkpoint(tmp_path / "critic-00000005.ckpt", arrays, meta)
     with pytest.raises(StorageError, match="holds no outcome of a critic training"):
         CriticCheckpoints(tmp_path).find(order(5))
@@ -177,7 +177,7 @@ def test_outcomes_of_trainings_in_an_interrupted_generation_are_discarded(tmp_pa
     assert_same(checkpoints.before(8), outcome(6))
 
 
-def test_a_damaged_outcome_that_may_be_needed_is_told_and_kept(tmp_path):
+def test_a_damaged_outcome_that_may_be_needed_is_reported_and_kept(tmp_path):
     checkpoints = saved(tmp_path, [5, 6])
     for generation in (5, 6):
         path = tmp_path / f"critic-0000000{generation}.ckpt"

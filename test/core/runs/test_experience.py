@@ -1,4 +1,4 @@
-"""Experience: complete before it is stored, whole when it comes back, dropped when it is too old."""
+"""Experience is complete before it is stored, intact when it is read, and deleted when it is too old."""
 
 from __future__ import annotations
 
@@ -39,14 +39,14 @@ def stored(tmp_path, generations, settings=SMALL):
     return experience
 
 
-def test_episodes_in_any_order_come_back_in_evaluation_order(tmp_path):
+def test_episodes_in_any_order_are_returned_in_evaluation_order(tmp_path):
     experience = Experience(tmp_path, SMALL)
     for k in (6, 4, 7, 5):
         experience.stage(1, k, episode(k))
     assert [bits(e) for e in experience.episodes(1)] == [bits(episode(k)) for k in (4, 5, 6, 7)]
 
 
-def test_episodes_come_back_from_the_file_bit_for_bit(tmp_path):
+def test_episodes_are_read_back_bit_for_bit(tmp_path):
     stored(tmp_path, [0])
     episodes = Experience(tmp_path, SMALL).episodes(0)
     assert {e.terminated for e in episodes} == {True, False}
@@ -74,14 +74,14 @@ def test_an_episode_of_another_evaluation_with_the_same_id_is_dropped(tmp_path):
     assert [bits(e) for e in experience.episodes(0)] == [bits(episode(k)) for k in range(4)]
 
 
-def test_what_has_not_arrived_is_named(tmp_path):
+def test_missing_episodes_are_named(tmp_path):
     experience = Experience(tmp_path, SMALL)
     for k in (8, 10):
         experience.stage(2, k, episode(k))
     assert experience.missing(2) == [9, 11]
 
 
-def test_a_stored_file_does_not_stand_for_a_generation_that_is_done_again(tmp_path):
+def test_a_stored_file_does_not_count_for_a_repeated_generation(tmp_path):
     stored(tmp_path, [0, 1])
     assert Experience(tmp_path, SMALL).missing(1) == [4, 5, 6, 7]
 
@@ -124,7 +124,7 @@ def test_storing_again_replaces_the_file(tmp_path):
 
 
 @pytest.mark.parametrize("cut", [0, 7, 40, 500, -1])
-def test_a_truncated_file_is_told(tmp_path, cut):
+def test_a_truncated_file_is_reported(tmp_path, cut):
     stored(tmp_path, [0])
     whole = file_of(tmp_path, 0).read_bytes()
     file_of(tmp_path, 0).write_bytes(whole[:cut])
@@ -132,7 +132,7 @@ def test_a_truncated_file_is_told(tmp_path, cut):
         Experience(tmp_path, SMALL).episodes(0)
 
 
-def test_a_damaged_file_is_told(tmp_path):
+def test_a_damaged_file_is_reported(tmp_path):
     stored(tmp_path, [0])
     damaged = bytearray(file_of(tmp_path, 0).read_bytes())
     damaged[len(damaged) // 2] ^= 1
@@ -141,14 +141,14 @@ def test_a_damaged_file_is_told(tmp_path):
         Experience(tmp_path, SMALL).episodes(0)
 
 
-def test_a_file_of_another_generation_is_told(tmp_path):
+def test_a_file_of_another_generation_is_reported(tmp_path):
     stored(tmp_path, [0, 1])
     file_of(tmp_path, 0).replace(file_of(tmp_path, 1))
     with pytest.raises(StorageError, match="not the experience of generation 1"):
         Experience(tmp_path, SMALL).episodes(1)
 
 
-def test_window_is_all_that_is_stored_up_to_a_generation(tmp_path):
+def test_window_is_everything_stored_up_to_a_generation(tmp_path):
     experience = stored(tmp_path, range(5))
     assert list(experience.window(3)) == [0, 1, 2, 3]
 
@@ -158,21 +158,21 @@ def test_window_before_the_first_generation_is_empty(tmp_path):
 
 
 @pytest.mark.parametrize("gap", [1, 3])
-def test_a_gap_in_the_window_is_told(tmp_path, gap):
+def test_a_gap_in_the_window_is_reported(tmp_path, gap):
     experience = stored(tmp_path, range(4))
     file_of(tmp_path, gap).unlink()
     with pytest.raises(StorageError, match=f"generation {gap} is missing"):
         experience.window(3)
 
 
-def test_a_window_of_which_nothing_is_left_is_told(tmp_path):
+def test_a_window_without_any_files_is_reported(tmp_path):
     with pytest.raises(StorageError, match="experience of generation 3 is missing"):
         Experience(tmp_path, SMALL).window(3)
 
 
 @pytest.mark.parametrize("restarted", [False, True], ids=["same-process", "new-process"])
 def test_what_the_replay_buffer_has_overwritten_is_deleted(tmp_path, restarted):
-    """Without the two newest generations, what is left still fills the buffer, with no file to spare."""
+    """Without the two newest generations, the remaining files just fill the buffer."""
     settings = SMALL.replace(replay_size=100)
     for generation in range(12):
         if restarted or not generation:
@@ -185,14 +185,14 @@ def test_what_the_replay_buffer_has_overwritten_is_deleted(tmp_path, restarted):
     assert not file_of(tmp_path, 9 - len(lengths)).exists()
 
 
-def test_the_window_is_no_longer_than_what_the_replay_buffer_holds(tmp_path):
+def test_the_window_is_no_longer_than_the_replay_buffer(tmp_path):
     experience = stored(tmp_path, range(12))
     wanted = sum(e.length for g in (10, 11) for e in experience.episodes(g))
     settings = SMALL.replace(replay_size=wanted)
     assert list(Experience(tmp_path, settings).window(11)) == [10, 11]
 
 
-def test_a_window_that_has_lost_its_beginning_is_told(tmp_path):
+def test_a_window_that_has_lost_its_beginning_is_reported(tmp_path):
     stored(tmp_path, range(4))
     file_of(tmp_path, 0).unlink()
     with pytest.raises(StorageError, match="generation 0 is missing"):

@@ -1,4 +1,4 @@
-"""The folder of a run: taken up by the settings that made it, refused to others, and never harmed."""
+"""The folder of a run is resumed with the settings that made it, refused to others, and never damaged."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ TINY = Settings(
 
 
 def start(path: Path, settings: Settings = TINY) -> RunDirectory:
-    """Open a run directory and let go of it at once."""
+    """Open a run directory and release it at once."""
     directory = open_run(path, task_spec(settings.task), settings)
     directory.lock.release()
     return directory
@@ -54,7 +54,7 @@ def commit(directory: RunDirectory, **rates: Any) -> None:
 
 
 def content(folder: Path) -> dict[str, str]:
-    """Return a digest of every file, other than locks and what SQLite keeps beside an open database."""
+    """Return a digest of every file except locks and SQLite's files for an open database."""
     return {
         str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest()
         for path in folder.rglob("*")
@@ -66,20 +66,20 @@ def test_a_new_run_begins_with_generation_0(tmp_path: Path) -> None:
     assert start(tmp_path / "deep" / "run").next_generation == 0
 
 
-def test_a_run_goes_on_after_its_last_generation(tmp_path: Path) -> None:
+def test_a_run_resumes_after_its_last_generation(tmp_path: Path) -> None:
     first = start(tmp_path)
     commit(first)
     again = start(tmp_path)
     assert (again.run_id, again.next_generation) == (first.run_id, 1)
 
 
-def test_rates_that_were_set_on_the_way_stay_in_force(tmp_path: Path) -> None:
+def test_rates_that_were_set_during_the_run_stay_in_force(tmp_path: Path) -> None:
     commit(start(tmp_path), n_crit=7)
     directory = start(tmp_path)
     assert (directory.settings.n_crit, len(directory.notes)) == (7, 1)
 
 
-def test_rates_that_are_named_at_a_later_start_come_into_force(tmp_path: Path) -> None:
+def test_rates_given_at_a_later_start_come_into_force(tmp_path: Path) -> None:
     commit(start(tmp_path), n_crit=7)
     directory = start(tmp_path, TINY.replace(n_crit=9))
     assert (directory.before.n_crit, directory.settings.n_crit) == (7, 9)
@@ -120,7 +120,7 @@ def test_another_run_is_refused_and_nothing_is_changed(
     assert content(tmp_path) == before
 
 
-def test_a_run_of_before_state_descriptors_goes_on(tmp_path: Path) -> None:
+def test_a_run_from_before_state_descriptors_resumes(tmp_path: Path) -> None:
     spec = task_spec(TINY.task)
     directory = start(tmp_path)
     with Repertoire.open(directory.repertoire, read_only=True) as repertoire:
@@ -143,7 +143,7 @@ def test_a_damaged_repertoire_is_refused_and_nothing_is_changed(tmp_path: Path) 
 
 
 @pytest.mark.parametrize("left", ["critic-00000005.ckpt", "experience/experience-00000003.ckpt"])
-def test_what_is_left_of_a_run_without_its_repertoire_is_refused(tmp_path: Path, left: str) -> None:
+def test_leftovers_of_a_run_without_its_repertoire_are_refused(tmp_path: Path, left: str) -> None:
     (tmp_path / left).parent.mkdir(exist_ok=True)
     (tmp_path / left).touch()
     with pytest.raises(StorageError, match=f"holds '{left}' of a run whose repertoire.db is miss"):

@@ -1,4 +1,4 @@
-"""Runs that start from the controllers of another: what they take, what they refuse, how they resume."""
+"""Runs that start from the controllers of another: what they accept and refuse, and how they resume."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ SHAPE = controller_shape(SPEC, SETTINGS)
 
 @pytest.fixture(scope="module")
 def elites(hopper_run: Path) -> np.ndarray:
-    """The (n, P) controllers of the run, in the order of their cells."""
+    """Return the (n, P) controllers of the run, in the order of their cells."""
     with Repertoire.open(hopper_run / REPERTOIRE, read_only=True) as repertoire:
         archive = repertoire.load_archive()
     return archive.parameters[archive.filled]
@@ -52,7 +52,7 @@ def elites(hopper_run: Path) -> np.ndarray:
 
 @pytest.fixture
 def exported(hopper_run: Path, tmp_path: Path) -> Path:
-    """The run as an exported file."""
+    """Return the run as an exported file."""
     with Repertoire.open(hopper_run / REPERTOIRE, read_only=True) as repertoire:
         info, archive = repertoire.info, repertoire.load_archive()
     path = tmp_path / "elites.npz"
@@ -61,7 +61,7 @@ def exported(hopper_run: Path, tmp_path: Path) -> Path:
 
 
 def start(path: Path, source: object, **changes: object) -> RunDirectory:
-    """Open a run directory and let go of it at once."""
+    """Open a run directory and release it at once."""
     settings = SETTINGS.replace(start_from=str(source), **changes)
     directory = open_run(path, SPEC, settings)
     directory.lock.release()
@@ -82,7 +82,7 @@ def test_imported_controllers_come_first_and_random_ones_fill_the_batch(elites: 
     assert np.array_equal(batch.parameters[:7], some)
     assert batch.operators.tolist() == [Operator.IMPORTED] * 7 + [Operator.RANDOM] * 3
     assert (batch.parents == NO_PARENT).all()
-    # A random controller depends on its place alone.
+    # A random controller depends only on its place.
     assert np.array_equal(batch.parameters[7:], Search(SPEC, SETTINGS).ask().parameters[7:])
 
 
@@ -105,7 +105,7 @@ def test_more_controllers_than_random_init_are_all_evaluated(elites: np.ndarray)
     assert set(search.ask().operators.tolist()) == {Operator.GA}
 
 
-def test_an_imported_elite_is_worth_what_it_does_here(elites: np.ndarray) -> None:
+def test_an_imported_elite_has_the_fitness_that_it_gets_here(elites: np.ndarray) -> None:
     search = Search(SPEC, SETTINGS, elites[:10])
     task = make_task("qd_hopper")
     search.run_generation(task)
@@ -119,7 +119,7 @@ def test_an_imported_elite_is_worth_what_it_does_here(elites: np.ndarray) -> Non
     assert plain != [elite.fitness for elite in again.archive.elites()]
 
 
-def test_a_run_goes_on_without_its_source(
+def test_a_run_resumes_without_its_source(
     hopper_run: Path, tmp_path: Path, elites: np.ndarray
 ) -> None:
     source = tmp_path / "source"
@@ -131,18 +131,18 @@ def test_a_run_goes_on_without_its_source(
     resumed = start(tmp_path / "run", source)
     assert (resumed.run_id, resumed.settings) == (first.run_id, first.settings)
     assert np.array_equal(resumed.imported, elites)
-    # What get_info tells of the run's settings names it as well.
+    # The run's settings in get_info name it, too.
     assert start(tmp_path / "run", first.settings.start_from).run_id == first.run_id
 
 
-def test_a_run_goes_on_from_a_moved_source_with_the_same_controllers(
+def test_a_run_resumes_from_a_moved_source_with_the_same_controllers(
     hopper_run: Path, exported: Path, tmp_path: Path
 ) -> None:
     first = start(tmp_path / "run", hopper_run)
     assert start(tmp_path / "run", exported).run_id == first.run_id
 
 
-def test_other_controllers_are_another_run(
+def test_other_controllers_make_another_run(
     hopper_run: Path, new_run: Callable[..., Path], tmp_path: Path
 ) -> None:
     start(tmp_path / "run", hopper_run)
@@ -163,7 +163,7 @@ def test_a_damaged_copy_is_refused(hopper_run: Path, tmp_path: Path) -> None:
         start(tmp_path / "run", hopper_run)
 
 
-def test_what_was_left_of_a_start_that_was_cut_off_does_no_harm(
+def test_leftovers_of_an_interrupted_start_do_no_harm(
     hopper_run: Path, tmp_path: Path, elites: np.ndarray
 ) -> None:
     (tmp_path / "run").mkdir()
@@ -213,7 +213,7 @@ def write_object(file: Path) -> None:
         (harm("parameters", lambda p: p * np.float32(np.nan)), "not finite"),
     ],
 )
-def test_what_is_no_source_is_refused_in_words(
+def test_an_invalid_source_is_refused_with_a_reason(
     exported: Path, tmp_path: Path, change: Callable[[Path], None], words: str
 ) -> None:
     change(exported)
@@ -222,7 +222,7 @@ def test_what_is_no_source_is_refused_in_words(
     assert not (tmp_path / "run" / REPERTOIRE).exists()
 
 
-def test_an_older_version_of_the_task_is_no_source(hopper_run: Path) -> None:
+def test_an_older_version_of_the_task_is_refused(hopper_run: Path) -> None:
     renamed = dataclasses.replace(SPEC, observation_units=("m",) * SPEC.observation_dim)
     with pytest.raises(StorageError, match="other observation units"):
         read_controllers(hopper_run, renamed, SHAPE)

@@ -1,4 +1,4 @@
-"""What a run goes on from: damage is told or mended, and whatever is mended ends with the same bits."""
+"""The state that a run resumes from: damage is reported or repaired, and repairs give the same bits."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ T = 6
 
 NEWEST, BEFORE = f"critic-{T:08d}.ckpt", f"critic-{T - 1:08d}.ckpt"
 SMALL_BUFFER = SETTINGS.replace(replay_size=150)
-"""Holds some three generations, so that older experience is deleted."""
+"""Settings with a replay buffer of about three generations, so that older experience is deleted."""
 
 
 def rates(settings: Settings) -> dict[str, Any]:
@@ -28,7 +28,7 @@ def rates(settings: Settings) -> dict[str, Any]:
 
 
 def check(folder: Path, settings: Settings = SETTINGS, now: Settings | None = None) -> list[str]:
-    """Check a run of `T` generations; its rates were those of `settings`, the next ones are `now`."""
+    """Check a run of `T` generations with the rates of `settings`; those of the next generation are `now`."""
     return require_sound_state(folder, [rates(settings)] * T, settings, now or settings)
 
 
@@ -41,17 +41,17 @@ def grown(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def run(grown: Path, tmp_path: Path) -> Path:
-    """A copy of the folder of a run, to be spoilt."""
+    """Return a copy of a run's folder, to be damaged."""
     return Path(shutil.copytree(grown, tmp_path / "run"))
 
 
 def flip(share: float) -> Callable[[Path], None]:
-    def spoil(path: Path) -> None:
+    def damage(path: Path) -> None:
         content = bytearray(path.read_bytes())
         content[int(share * (len(content) - 1))] ^= 4
         path.write_bytes(content)
 
-    return spoil
+    return damage
 
 
 def cut(path: Path) -> None:
@@ -80,7 +80,7 @@ def names(folder: Path) -> list[str]:
     return sorted(path.name for path in folder.iterdir())
 
 
-def test_a_sound_run_goes_on_without_a_word(run: Path) -> None:
+def test_an_undamaged_run_resumes_without_a_note(run: Path) -> None:
     before = names(run)
     assert check(run) == []
     assert names(run) == before
@@ -115,7 +115,7 @@ def test_a_run_whose_critics_were_damaged_ends_with_the_same_repertoire(
     assert graph.archive.digest() == undisturbed.archive.digest()
 
 
-def test_the_buffer_can_be_filled_for_a_repeated_training_while_a_generation_is_under_way(
+def test_the_buffer_can_be_filled_for_a_repeated_training_during_a_generation(
     tmp_path: Path,
 ) -> None:
     GraphInSmall(SMALL_BUFFER, tmp_path).grow(range(T + 1))  # the last one is not committed
@@ -124,7 +124,7 @@ def test_the_buffer_can_be_filled_for_a_repeated_training_while_a_generation_is_
 
 
 @pytest.mark.parametrize("fault", FAULTS)
-def test_critics_that_cannot_be_made_again_are_told_and_nothing_is_changed(
+def test_critics_that_cannot_be_recreated_are_reported_and_nothing_is_changed(
     run: Path, fault: str
 ) -> None:
     for name in (NEWEST, BEFORE):
@@ -135,18 +135,18 @@ def test_critics_that_cannot_be_made_again_are_told_and_nothing_is_changed(
     assert names(run) == before
 
 
-def test_damaged_critics_that_are_needed_no_more_are_set_aside(run: Path) -> None:
+def test_damaged_critics_that_are_no_longer_needed_are_set_aside(run: Path) -> None:
     flip(0.5)(run / BEFORE)
     (note,) = check(run)
     assert note == f"{BEFORE} is damaged and was renamed to {BEFORE}.damaged"
 
 
-def test_critics_are_made_again_even_where_the_next_generation_uses_none(run: Path) -> None:
+def test_critics_are_recreated_even_if_the_next_generation_uses_none(run: Path) -> None:
     flip(0.5)(run / NEWEST)
     assert check(run, now=SETTINGS.replace(n_evo=SETTINGS.batch_size))
 
 
-def test_the_experience_for_them_is_needed_then(run: Path) -> None:
+def test_recreating_them_needs_their_experience(run: Path) -> None:
     (run / NEWEST).unlink()
     (run / "experience" / "experience-00000000.ckpt").unlink()
     with pytest.raises(StorageError, match=r"experience-00000000\.ckpt"):
@@ -154,7 +154,7 @@ def test_the_experience_for_them_is_needed_then(run: Path) -> None:
 
 
 def first_training(folder: Path, **changes: Any) -> Settings:
-    """Grow a run up to its first training, which was for the next generation; return its settings."""
+    """Grow a run up to its first training, for the next generation; return its settings."""
     settings = SETTINGS.replace(critic_start="last_init_batch", **changes)
     GraphInSmall(settings, folder).grow(range(2))
     (folder / "critic-00000002.ckpt").unlink()
@@ -175,7 +175,9 @@ def test_the_first_training_is_not_repeated_from_another_best_controller(tmp_pat
 
 @pytest.mark.parametrize("generation", [0, 3, T - 1])
 @pytest.mark.parametrize("fault", FAULTS)
-def test_experience_that_the_critics_need_is_told(run: Path, generation: int, fault: str) -> None:
+def test_damaged_experience_that_the_critics_need_is_reported(
+    run: Path, generation: int, fault: str
+) -> None:
     FAULTS[fault](run / "experience" / f"experience-{generation:08d}.ckpt")
     with pytest.raises(StorageError, match=f"experience-{generation:08d}.ckpt"):
         check(run)

@@ -1,4 +1,4 @@
-"""Settings: the paper's defaults, and words for every value that cannot be."""
+"""Settings: the paper's defaults, and an error for every invalid value."""
 
 from __future__ import annotations
 
@@ -68,12 +68,12 @@ def test_the_defaults_are_table_1() -> None:
         ("n_evo", 101, "n_evo is 101, but a batch has batch_size=100.*from 0 to 100"),
     ],
 )
-def test_a_value_that_cannot_be_is_refused(name: str, value: Any, words: str) -> None:
+def test_an_invalid_value_is_refused(name: str, value: Any, words: str) -> None:
     with pytest.raises(SettingsError, match=words):
         Settings.from_mapping({name: value})
 
 
-def test_an_unknown_name_is_refused_with_the_nearest() -> None:
+def test_an_unknown_name_is_refused_with_a_suggestion() -> None:
     with pytest.raises(SettingsError, match=r"'evaluatons' \(did you mean 'evaluations'\?\)"):
         Settings.from_mapping({"evaluatons": 5})
 
@@ -82,12 +82,12 @@ def test_an_unknown_name_is_refused_with_the_nearest() -> None:
     ("name", "given", "taken"),
     [("iso_sigma", 1, 1.0), ("evaluations", 1e6, 1_000_000), ("critic_hidden", [8], (8,))],
 )
-def test_a_value_is_taken_in_the_type_of_its_setting(name: str, given: Any, taken: Any) -> None:
+def test_a_value_is_converted_to_the_type_of_its_setting(name: str, given: Any, taken: Any) -> None:
     value = getattr(Settings.from_mapping({name: given}), name)
     assert (value, type(value)) == (taken, type(taken))
 
 
-def test_settings_survive_their_dictionary() -> None:
+def test_settings_survive_conversion_to_a_dictionary() -> None:
     settings = Settings(task="qd_ant", controller_hidden=(3, 4), iso_sigma=0.1)
     assert Settings.from_mapping(settings.to_dict()) == settings
 
@@ -102,7 +102,7 @@ def test_random_controllers_come_in_whole_batches(
     assert settings.init_generations == generations
 
 
-def test_rates_and_budget_are_no_part_of_a_runs_identity() -> None:
+def test_rates_and_budget_are_not_part_of_a_runs_identity() -> None:
     changed = {name: getattr(Settings(), name) for name in RATES} | {"evaluations": 5, "n_evo": 3}
     assert identity_difference(Settings(), Settings(**changed)) == []
 
@@ -157,7 +157,7 @@ def test_a_grid_refuses_settings_of_a_tessellation(name: str, value: int) -> Non
         ("qd_rl", {"batch_size": 4, "n_evo": 0, "schedule": "alternating"}),
     ],
 )
-def test_the_name_of_an_algorithm_brings_its_own_values(
+def test_the_name_of_an_algorithm_sets_its_own_values(
     algorithm: str, expected: dict[str, Any]
 ) -> None:
     assert expected.items() <= vars(Settings(algorithm=algorithm)).items()
@@ -177,7 +177,7 @@ def test_values_that_belong_together_follow_one_another() -> None:
 
 
 @pytest.mark.parametrize("algorithm", list(RULES))
-def test_what_was_given_makes_the_same_settings(algorithm: str) -> None:
+def test_the_given_values_recreate_the_settings(algorithm: str) -> None:
     settings = Settings(algorithm=algorithm, seed=4, controller_hidden=(3, 4))
     assert Settings.from_mapping(settings.given) == settings
     assert Settings.from_stored(settings.to_dict()) == settings
@@ -196,7 +196,7 @@ def test_every_algorithm_has_its_name_and_its_rules() -> None:
     assert list(ALGORITHM_NAMES) == list(RULES) == list(ALGORITHMS)
 
 
-def test_every_part_of_a_setting_is_one_of_an_algorithm() -> None:
+def test_every_part_of_a_setting_belongs_to_an_algorithm() -> None:
     parts = {f.metadata["part"] for f in fields(Settings)} - {""}
     assert parts - {*ARCHIVE_KINDS} == {part for rules in RULES.values() for part in rules.parts}
 
@@ -205,6 +205,6 @@ def test_every_kind_of_archive_has_its_name() -> None:
     assert list(ARCHIVE_KINDS) == list(ARCHIVES)
 
 
-def test_the_rates_of_a_generation_name_the_value_itself() -> None:
+def test_the_rates_of_a_generation_have_explicit_values() -> None:
     with pytest.raises(SettingsError, match="n_evo is -1, which stands for"):
         Settings().with_rates({**Settings().rates, "n_evo": -1})

@@ -1,4 +1,4 @@
-"""Checkpoint files: what comes back, and what is refused."""
+"""Checkpoint files: what is read back, and what is refused."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def saved(tmp_path):
     return path
 
 
-def test_arrays_and_meta_come_back_bit_for_bit(saved):
+def test_arrays_and_metadata_are_read_back_bit_for_bit(saved):
     arrays, meta = load_checkpoint(saved)
     assert meta == META
     assert list(arrays) == list(ARRAYS)
@@ -75,7 +75,7 @@ def test_every_flipped_byte_is_refused(saved):
             load_checkpoint(saved)
 
 
-def test_a_file_of_another_version_is_told_apart_from_a_damaged_one(saved):
+def test_a_file_of_another_version_is_distinguished_from_a_damaged_one(saved):
     content = bytearray(saved.read_bytes())
     content[7:8] = b"2"
     saved.write_bytes(content)
@@ -84,7 +84,7 @@ def test_a_file_of_another_version_is_told_apart_from_a_damaged_one(saved):
             read(saved)
 
 
-def test_shapes_are_told_by_the_beginning_of_the_file(saved):
+def test_shapes_are_read_from_the_beginning_of_the_file(saved):
     content = saved.read_bytes()
     assert checkpoint_shapes(saved) == {name: a.shape for name, a in ARRAYS.items()}
     for length in range(40):
@@ -105,7 +105,7 @@ def test_a_missing_file_is_named(tmp_path):
         load_checkpoint(tmp_path / "absent.ckpt")
 
 
-def test_a_folder_that_is_not_there_is_named(tmp_path):
+def test_a_missing_folder_is_named(tmp_path):
     with pytest.raises(StorageError, match=r"absent.*No such file"):
         save_checkpoint(tmp_path / "absent" / "critic.ckpt", ARRAYS, META)
 
@@ -116,10 +116,10 @@ def test_a_failed_write_leaves_the_old_checkpoint(saved):
     assert load_checkpoint(saved)[1] == META
 
 
-def test_meta_that_json_cannot_hold_is_refused(tmp_path):
+def test_metadata_that_json_cannot_hold_is_refused(tmp_path):
     with pytest.raises(StorageError, match="not JSON"):
         save_checkpoint(tmp_path / "f", {}, {"weights": np.zeros(3)})
 
 
-def test_no_temporary_file_stays(saved):
+def test_no_temporary_file_is_left(saved):
     assert [p.name for p in saved.parent.iterdir()] == ["critic.ckpt"]

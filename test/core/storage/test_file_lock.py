@@ -1,4 +1,4 @@
-"""Locks that outlive the process that took them, in the hands of its children."""
+"""Locks that outlive the process that took them, held by its children."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from pathlib import Path
 from pga_me_ros.core.storage.file_lock import FileLock
 
 lock = FileLock(Path(sys.argv[1]))
-subprocess.Popen(["cat"], pass_fds=[lock.fileno()])  # keeps what it inherits until its input ends
+subprocess.Popen(["cat"], pass_fds=[lock.fileno()])  # keeps the lock that it inherits until its input ends
 print("locked", flush=True)
 if sys.argv[2] == "stays":
     sys.stdin.read()
@@ -30,7 +30,7 @@ if sys.argv[2] == "stays":
 
 @contextmanager
 def holder(path: Path, what: str) -> Iterator[subprocess.Popen[bytes]]:
-    """Run a process that takes the lock, then stays or leaves; its child has the lock until the input is closed."""
+    """Run a process that takes the lock, then stays or exits; its child has the lock until the input is closed."""
     command = [sys.executable, "-c", PARENT, str(path), what]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
         assert process.stdout is not None
@@ -42,7 +42,7 @@ def holder(path: Path, what: str) -> Iterator[subprocess.Popen[bytes]]:
         process.stdin.close()
 
 
-def test_orphans_of_a_dead_holder_are_waited_for(tmp_path: Path) -> None:
+def test_the_lock_waits_for_orphans_of_a_dead_holder(tmp_path: Path) -> None:
     path = tmp_path / "run.lock"
     with holder(path, "leaves") as process:
         with pytest.raises(LockedError, match=f"pid {process.pid} on"):
@@ -54,7 +54,7 @@ def test_orphans_of_a_dead_holder_are_waited_for(tmp_path: Path) -> None:
         end.join()
 
 
-def test_a_living_holder_is_not_waited_for_as_long_as_orphans(tmp_path: Path) -> None:
+def test_the_lock_waits_less_for_a_living_holder_than_for_orphans(tmp_path: Path) -> None:
     path = tmp_path / "run.lock"
     with (
         holder(path, "stays") as process,

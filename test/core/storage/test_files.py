@@ -1,4 +1,4 @@
-"""Files are replaced whole, or not at all."""
+"""Files are replaced completely or not at all."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pga_me_ros.errors import StorageError
 
 
 @pytest.mark.parametrize("shared", [False, True])
-def test_a_file_is_replaced_and_nothing_is_left_beside_it(tmp_path: Path, shared: bool) -> None:
+def test_a_file_is_replaced_and_no_other_file_is_left(tmp_path: Path, shared: bool) -> None:
     file = tmp_path / "table.csv"
     for content in (b"old", b"new"):
         replace_file(file, content, shared=shared)
@@ -30,7 +30,7 @@ def test_content_may_be_written_in_parts(tmp_path: Path) -> None:
     assert (tmp_path / "parts").read_bytes() == b"one two"
 
 
-def test_when_writing_fails_the_old_file_stays(tmp_path: Path) -> None:
+def test_if_writing_fails_the_old_file_stays(tmp_path: Path) -> None:
     file = tmp_path / "table.csv"
     replace_file(file, b"old")
 
@@ -44,7 +44,7 @@ def test_when_writing_fails_the_old_file_stays(tmp_path: Path) -> None:
     assert os.listdir(tmp_path) == ["table.csv"]
 
 
-def test_what_a_killed_process_left_is_overwritten(tmp_path: Path) -> None:
+def test_leftovers_of_a_killed_process_are_overwritten(tmp_path: Path) -> None:
     file = tmp_path / "table.csv"
 
     def die(new: BinaryIO) -> None:
@@ -63,7 +63,9 @@ def test_what_a_killed_process_left_is_overwritten(tmp_path: Path) -> None:
     assert file.read_bytes() == b"whole"
 
 
-def test_content_and_folder_reach_the_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_content_and_folder_are_synced_to_disk(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     synced = []
     real = os.fsync
 

@@ -1,4 +1,4 @@
-"""metrics.csv: what is committed, neither more nor less, whatever happened to the file."""
+"""metrics.csv holds exactly the committed generations, whatever happened to the file."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def generations(tmp_path: Path) -> list[Generation]:
 
 @pytest.fixture
 def table(tmp_path: Path, generations: list[Generation]) -> MetricsFile:
-    """A file that has grown row by row."""
+    """Return a file that has grown row by row."""
     table = MetricsFile(tmp_path / "metrics.csv")
     table.rebuild([])
     for generation in generations:
@@ -59,9 +59,9 @@ def test_every_number_is_read_back_bit_for_bit(
         lambda whole: whole + whole.splitlines(keepends=True)[-1],
         lambda whole: whole.replace(b",", b";"),
     ],
-    ids=["empty", "row cut off", "row too many", "made over by a spreadsheet"],
+    ids=["empty", "row cut off", "row too many", "rewritten by a spreadsheet"],
 )
-def test_a_rebuilt_file_is_the_one_that_grew(
+def test_a_rebuilt_file_equals_the_one_that_grew(
     table: MetricsFile, generations: list[Generation], found
 ) -> None:
     whole = table.path.read_bytes()
@@ -70,15 +70,13 @@ def test_a_rebuilt_file_is_the_one_that_grew(
     assert table.path.read_bytes() == whole
 
 
-def test_a_file_that_is_right_is_not_touched(
-    table: MetricsFile, generations: list[Generation]
-) -> None:
+def test_a_correct_file_is_not_touched(table: MetricsFile, generations: list[Generation]) -> None:
     before = table.path.stat()
     table.rebuild(generations)
     assert table.path.stat().st_ino == before.st_ino
 
 
-def test_only_time_columns_tell_two_runs_apart(
+def test_two_runs_differ_only_in_time_columns(
     table: MetricsFile, generations: list[Generation], tmp_path: Path
 ) -> None:
     other = MetricsFile(tmp_path / "other.csv")
@@ -88,7 +86,7 @@ def test_only_time_columns_tell_two_runs_apart(
             assert {name for name in COLUMNS if one[name] != two[name]} == set(TIME_COLUMNS)
 
 
-def test_a_place_that_cannot_be_written_is_named(
+def test_a_file_that_cannot_be_written_is_named(
     tmp_path: Path, generations: list[Generation]
 ) -> None:
     with pytest.raises(StorageError, match=r"absent/metrics\.csv"):

@@ -1,4 +1,4 @@
-"""The repertoire file: what goes in comes out, generation by generation."""
+"""The repertoire file: everything stored is read back, generation by generation."""
 
 from __future__ import annotations
 
@@ -38,32 +38,32 @@ def path(tmp_path: Path) -> Path:
 
 
 @pytest.mark.parametrize("kind", ["cvt", "grid"])
-def test_an_archive_comes_back_bit_for_bit(path: Path, kind: str) -> None:
+def test_an_archive_is_read_back_bit_for_bit(path: Path, kind: str) -> None:
     archive = make(path, kind=kind)
     with Repertoire.open(path, read_only=True) as repertoire:
         assert repertoire.load_archive().digest() == archive.digest()
 
 
-def test_centroids_come_back_bit_for_bit(path: Path) -> None:
+def test_centroids_are_read_back_bit_for_bit(path: Path) -> None:
     archive = make(path, count=0)
     with Repertoire.open(path, read_only=True) as repertoire:
         assert repertoire.load_archive().centroids.tobytes() == archive.centroids.tobytes()
 
 
-def test_metrics_come_back(path: Path) -> None:
+def test_metrics_are_read_back(path: Path) -> None:
     with Repertoire.create(path, INFO, empty()) as repertoire:
         grow(repertoire, empty(), 4)
         expected = [metrics for _, _, metrics in generations(empty(), 4)]
         assert repertoire.metrics() == expected
 
 
-def test_rates_come_back(path: Path) -> None:
+def test_rates_are_read_back(path: Path) -> None:
     make(path, count=2)
     with Repertoire.open(path, read_only=True) as repertoire:
         assert repertoire.rates() == [RATES, RATES]
 
 
-def test_the_description_comes_back(path: Path) -> None:
+def test_the_description_is_read_back(path: Path) -> None:
     make(path, count=0)
     with Repertoire.open(path, read_only=True) as repertoire:
         assert repertoire.info == INFO
@@ -76,7 +76,7 @@ def test_last_generation_counts_from_zero(path: Path, count: int) -> None:
         assert repertoire.last_generation == count - 1
 
 
-def test_a_run_goes_on_as_if_it_had_never_stopped(path: Path, tmp_path: Path) -> None:
+def test_a_run_continues_as_if_it_had_never_stopped(path: Path, tmp_path: Path) -> None:
     make(path, 2)
     archive = empty()
     with Repertoire.open(path) as repertoire:
@@ -88,7 +88,7 @@ def test_a_run_goes_on_as_if_it_had_never_stopped(path: Path, tmp_path: Path) ->
     assert digest == whole.digest()
 
 
-def test_committing_a_generation_again_says_so(path: Path) -> None:
+def test_committing_a_generation_again_returns_false(path: Path) -> None:
     with Repertoire.create(path, INFO, empty()) as repertoire:
         first, *_ = generations(empty(), 2)
         answers = [repertoire.commit(*first, RATES) for _ in range(2)]
@@ -103,7 +103,7 @@ def test_committing_a_generation_again_changes_nothing(path: Path) -> None:
         assert repertoire.result_digest() == archive.digest()
 
 
-def test_a_left_out_generation_is_refused(path: Path) -> None:
+def test_a_skipped_generation_is_refused(path: Path) -> None:
     _, second, *_ = generations(empty(), 2)
     with (
         Repertoire.create(path, INFO, empty()) as repertoire,
@@ -121,7 +121,7 @@ def test_a_forgotten_elite_is_refused(path: Path) -> None:
         repertoire.commit(generation, elites[1:], metrics, RATES)
 
 
-def test_metrics_that_are_no_numbers_are_refused(path: Path) -> None:
+def test_metrics_that_are_not_finite_are_refused(path: Path) -> None:
     generation, elites, metrics = next(generations(empty(), 1))
     broken = dataclasses.replace(metrics, qd_score=float("nan"))
     with (
@@ -153,7 +153,7 @@ def test_a_reader_may_not_commit(path: Path) -> None:
         repertoire.commit(*first, RATES)
 
 
-def test_the_digest_depends_on_neither_run_nor_path_nor_time(path: Path, tmp_path: Path) -> None:
+def test_the_digest_does_not_depend_on_run_path_or_time(path: Path, tmp_path: Path) -> None:
     make(path)
     other = dataclasses.replace(INFO, run_id="another", created="2030-01-01T00:00:00+00:00")
     digests = set()
@@ -178,7 +178,7 @@ def test_serving_needs_neither_torch_nor_pybullet(path: Path) -> None:
     assert output.split("\n")[:2] == ["(50,)", "[]"]
 
 
-def test_a_run_with_other_rates_and_budget_may_go_on() -> None:
+def test_a_run_with_other_rates_and_budget_may_resume() -> None:
     INFO.require(Settings(n_evo=10, evaluations=5), INFO.task)
 
 
@@ -189,7 +189,7 @@ def test_a_run_with_other_rates_and_budget_may_go_on() -> None:
         (Settings(), {**INFO.task, "name": "qd_ant"}, "task name: qd_walker != qd_ant"),
     ],
 )
-def test_another_run_may_not_go_on(settings: Settings, task: dict, message: str) -> None:
+def test_another_run_may_not_resume(settings: Settings, task: dict, message: str) -> None:
     with pytest.raises(StorageError, match=message):
         INFO.require(settings, task)
 
@@ -198,7 +198,7 @@ def test_other_library_versions_are_named() -> None:
     assert INFO.version_differences({"numpy": "3.0"}) == ["numpy: 2.4.6 != 3.0"]
 
 
-def test_a_description_survives_json() -> None:
+def test_a_description_survives_conversion_to_json() -> None:
     assert RunInfo.from_json(INFO.to_json()) == INFO
 
 
@@ -237,7 +237,7 @@ def as_an_older_program_left_it(path: Path) -> None:
         connection.execute("DROP TABLE bests")
 
 
-def test_a_file_of_an_older_program_is_read_and_gone_on_with(tmp_path: Path) -> None:
+def test_a_file_of_an_older_version_is_read_and_continued(tmp_path: Path) -> None:
     path = tmp_path / "repertoire.db"
     make(path, 3)
     as_an_older_program_left_it(path)
@@ -252,7 +252,9 @@ def test_a_file_of_an_older_program_is_read_and_gone_on_with(tmp_path: Path) -> 
         assert repertoire.metrics()[-1] == metrics
         (best,) = repertoire.bests()
     assert best.to_bytes() == archive.best().to_bytes()
-    assert best.generation < generation  # it was the best one before, and is kept all the same
+    assert (
+        best.generation < generation
+    )  # it was the best one before the file was opened, and is kept
 
 
 WIDE = (0.0, 0.0), (1.0, 1000.0)
@@ -265,7 +267,7 @@ def wide(scaled: bool = True) -> CvtArchive:
 
 
 @pytest.mark.parametrize("version", [1, 2])
-def test_a_file_says_by_its_version_how_its_cells_were_told_apart(path: Path, version: int) -> None:
+def test_a_files_version_decides_how_distances_are_measured(path: Path, version: int) -> None:
     archive = wide(scaled=version == 2)
     info = dataclasses.replace(INFO, schema_version=version)
     Repertoire.create(path, info, archive).close()

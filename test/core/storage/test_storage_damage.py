@@ -1,4 +1,4 @@
-"""Damage to a repertoire file: named, or without effect, but never served as good."""
+"""Damage to a repertoire file is reported or without effect, but never served as good."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def test_contents_that_were_not_committed_are_detected(path: Path, damage: str) 
         _contents(path)
 
 
-def test_an_elite_of_an_older_generation_is_detected(path: Path, tmp_path: Path) -> None:
+def test_elites_of_an_older_generation_are_detected(path: Path, tmp_path: Path) -> None:
     make(path, 4)
     make(tmp_path / "old.db", 1)
     with contextlib.closing(sqlite3.connect(path)) as connection, connection:
@@ -97,7 +97,7 @@ def store_experience(folder: Path, newest: int) -> None:
 
 
 @pytest.mark.parametrize("read_only", [True, False])
-def test_a_file_that_ends_before_its_run_did_is_told(path: Path, read_only: bool) -> None:
+def test_a_file_that_ends_before_its_run_is_reported(path: Path, read_only: bool) -> None:
     make(path, 4)
     store_experience(path.parent, 5)
     with pytest.raises(
@@ -106,19 +106,19 @@ def test_a_file_that_ends_before_its_run_did_is_told(path: Path, read_only: bool
         Repertoire.open(path, read_only)
 
 
-def test_experience_of_the_generation_under_way_is_no_loss(path: Path) -> None:
+def test_experience_of_the_current_generation_is_no_loss(path: Path) -> None:
     make(path, 4)
     store_experience(path.parent, 4)
     assert Repertoire.open(path, read_only=True).last_generation == 3
 
 
 def wal_frame(path: Path, number: int) -> int:
-    """Return where a frame of the log begins."""
+    """Return the position of a frame in the log."""
     return 32 + number * (24 + int.from_bytes(path.read_bytes()[8:12]))
 
 
 def commit_frame(path: Path, generation: int) -> int:
-    """Return the number of the frame that ends the commit of a generation: it tells the size of the database."""
+    """Return the number of the frame that ends a generation's commit, which holds the size of the database."""
     content = path.read_bytes()
     frames = (len(content) - 32) // (24 + int.from_bytes(content[8:12]))
     starts = [wal_frame(path, number) for number in range(frames)]
@@ -139,10 +139,10 @@ def commit_frame(path: Path, generation: int) -> int:
         ("gone", True),
     ],
 )
-def test_a_log_that_is_damaged_takes_no_generation_away_unnoticed(
+def test_a_damaged_log_loses_no_generation_unnoticed(
     path: Path, frame: int | str, lost: bool
 ) -> None:
-    """Four generations are in the log of a killed writer; whoever reads it gets all but one of them, or is told."""
+    """Four generations are in the log of a killed writer; a reader gets all but one of them, or an error."""
     log = Path(f"{path}-wal")
     with writer_in_a_transaction(path):
         pass

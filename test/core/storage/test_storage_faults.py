@@ -1,4 +1,4 @@
-"""The repertoire file under kills, damage, strangers and full or forbidden places."""
+"""The repertoire file with killed writers, foreign files, full disks and missing permissions."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def path(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def open_folder() -> Iterator[Path]:
-    """A folder that other users can reach, unlike pytest's own."""
+    """Return a folder that other users can access, unlike pytest's own."""
     folder = Path(tempfile.mkdtemp())
     folder.chmod(0o755)
     yield folder
@@ -113,14 +113,14 @@ def test_kill_9_in_a_transaction_leaves_the_last_generation(path: Path, read_onl
         assert repertoire.result_digest() == archive.digest()
 
 
-def test_reading_beside_a_writer_gives_the_last_generation(path: Path) -> None:
+def test_reading_next_to_a_writer_gives_the_last_generation(path: Path) -> None:
     archive = empty()
     list(generations(archive, 4))
     with writer_in_a_transaction(path), Repertoire.open(path, read_only=True) as repertoire:
         assert repertoire.result_digest() == archive.digest()
 
 
-def test_a_second_writer_is_told_who_the_first_is(path: Path) -> None:
+def test_the_error_for_a_second_writer_names_the_first(path: Path) -> None:
     with (
         writer_in_a_transaction(path) as process,
         pytest.raises(StorageError, match=f"written by another process .pid {process.pid} on "),
@@ -163,7 +163,7 @@ def _other_version(path: Path) -> None:
         (_other_version, "schema version 99, but this program reads 1"),
     ],
 )
-def test_what_is_no_repertoire_of_this_version_is_refused(
+def test_anything_but_a_repertoire_of_this_version_is_refused(
     path: Path, prepare: Callable[[Path], object], message: str, read_only: bool
 ) -> None:
     prepare(path)
@@ -190,14 +190,14 @@ def test_a_folder_that_is_a_file_is_refused(tmp_path: Path) -> None:
         Repertoire.create(tmp_path / "run" / "repertoire.db", INFO, empty())
 
 
-def test_a_folder_that_may_not_be_written_is_refused(open_folder: Path) -> None:
+def test_a_read_only_folder_is_refused(open_folder: Path) -> None:
     open_folder.chmod(0o555)
     answer = run(CREATE, open_folder / "repertoire.db")
     assert "choose a run_dir that is writable" in answer
 
 
 @pytest.mark.parametrize("name", ["", "new"])
-def test_a_run_directory_that_may_not_be_written_is_refused(open_folder: Path, name: str) -> None:
+def test_a_read_only_run_directory_is_refused(open_folder: Path, name: str) -> None:
     open_folder.chmod(0o555)
     answer = run(START, open_folder / name)
     assert f"folder '{open_folder}" in answer
@@ -205,14 +205,14 @@ def test_a_run_directory_that_may_not_be_written_is_refused(open_folder: Path, n
     assert not list(open_folder.iterdir())
 
 
-def test_a_file_in_a_folder_that_may_not_be_written_can_be_read(open_folder: Path) -> None:
+def test_a_file_in_a_read_only_folder_can_be_read(open_folder: Path) -> None:
     path = open_folder / "repertoire.db"
     archive = make(path)
     open_folder.chmod(0o555)
     assert run(READ, path) == archive.digest()
 
 
-def test_a_killed_writers_file_can_be_read_where_nothing_may_be_written(open_folder: Path) -> None:
+def test_a_killed_writers_file_in_a_read_only_folder_can_be_read(open_folder: Path) -> None:
     path = open_folder / "repertoire.db"
     with writer_in_a_transaction(path):
         pass
@@ -222,7 +222,7 @@ def test_a_killed_writers_file_can_be_read_where_nothing_may_be_written(open_fol
     assert run(READ, path) == archive.digest()
 
 
-def test_generations_in_a_log_that_cannot_be_used_are_not_passed_over(open_folder: Path) -> None:
+def test_generations_in_an_unusable_log_are_not_ignored(open_folder: Path) -> None:
     path = open_folder / "repertoire.db"
     with writer_in_a_transaction(path):
         pass
@@ -269,7 +269,7 @@ def test_a_database_locked_from_outside_is_explained(
             repertoire.commit(*next(generations(empty(), 1)), RATES)
 
 
-def test_a_mount_without_file_locks_is_not_called_damage(tmp_path: Path) -> None:
+def test_a_mount_without_file_locks_is_not_reported_as_damage(tmp_path: Path) -> None:
     error = sqlite3.OperationalError("locking protocol")
     error.sqlite_errorname = "SQLITE_PROTOCOL"
     with (

@@ -1,4 +1,4 @@
-"""Reading a run from its folder, and choosing a behavior of it."""
+"""Reading a run from its folder, and choosing one of its behaviors."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def run(hopper_run: Path) -> StoredRun:
 
 @pytest.fixture(scope="module")
 def judged(hopper_run: Path, tmp_path_factory: pytest.TempPathFactory) -> StoredRun:
-    """Return the run after its two fittest elites were evaluated again: the better one was lucky."""
+    """Return the run after its two fittest elites were re-evaluated: the better one was lucky."""
     folder = tmp_path_factory.mktemp("judged") / "run"
     shutil.copytree(hopper_run, folder)
     run = StoredRun.load(folder)
@@ -46,7 +46,7 @@ def judged(hopper_run: Path, tmp_path_factory: pytest.TempPathFactory) -> Stored
     return StoredRun.load(folder)
 
 
-def test_folder_and_file_are_the_same_run(hopper_run: Path, run: StoredRun) -> None:
+def test_folder_and_file_give_the_same_run(hopper_run: Path, run: StoredRun) -> None:
     other = StoredRun.load(str(hopper_run / REPERTOIRE))
     assert other.archive.digest() == run.archive.digest()
     assert (other.name, other.info, other.metrics) == (hopper_run.name, run.info, run.metrics)
@@ -54,9 +54,7 @@ def test_folder_and_file_are_the_same_run(hopper_run: Path, run: StoredRun) -> N
     assert run.curve("evaluations").tolist() == [10.0, 20.0]
 
 
-def test_the_archive_can_be_left_out_until_it_is_asked_for(
-    hopper_run: Path, run: StoredRun
-) -> None:
+def test_the_archive_can_be_read_on_first_use(hopper_run: Path, run: StoredRun) -> None:
     light = StoredRun.load(hopper_run, elites=False)
     assert "archive" not in vars(light)
     assert light.archive.digest() == run.archive.digest()
@@ -79,7 +77,7 @@ def test_a_chosen_behavior_does_what_its_evaluation_did(run: StoredRun) -> None:
     assert np.array_equal(behavior.parameters, elite.parameters)
 
 
-def test_each_way_to_choose_leads_to_its_behavior(run: StoredRun) -> None:
+def test_each_way_to_choose_gives_its_behavior(run: StoredRun) -> None:
     for elite in run.archive.elites():
         assert run.choose(cell=elite.cell).evaluation == elite.evaluation
         near = run.choose(descriptor=elite.descriptor + 1e-9)
@@ -94,7 +92,7 @@ def test_each_way_to_choose_leads_to_its_behavior(run: StoredRun) -> None:
     assert chosen == set(fit)
 
 
-def test_means_judge_behaviors_when_asked_to(judged: StoredRun) -> None:
+def test_behaviors_are_judged_by_means_on_request(judged: StoredRun) -> None:
     lucky, steady = judged.statistics.repeats.nonzero()[0][
         np.argsort(judged.statistics.mean_fitness[judged.statistics.repeats > 0])
     ]
@@ -126,7 +124,7 @@ def test_means_judge_behaviors_when_asked_to(judged: StoredRun) -> None:
         ({"by_mean": True}, RequestError, "No behavior of this repertoire was re-evaluated"),
     ],
 )
-def test_what_cannot_be_chosen_is_refused(
+def test_impossible_choices_are_refused(
     run: StoredRun, choice: dict[str, object], error: type[PgaError], words: str
 ) -> None:
     with pytest.raises(error, match=words):
@@ -159,7 +157,7 @@ def test_paths_without_a_run_are_refused(hopper_run: Path, run: StoredRun, tmp_p
         StoredRun.load(exported)
 
 
-def test_a_run_without_a_generation_holds_no_behavior(run: StoredRun, tmp_path: Path) -> None:
+def test_a_run_without_generations_has_no_behavior(run: StoredRun, tmp_path: Path) -> None:
     directory = open_run(tmp_path / "new", task_spec("qd_hopper"), run.settings)
     directory.lock.release()
     with pytest.raises(StorageError, match="holds no behavior yet; run it for longer first"):

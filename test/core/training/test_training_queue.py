@@ -1,4 +1,4 @@
-"""Trainings follow one another without a pause, to the same bits, and are told of once they are durable."""
+"""Trainings follow one another without a pause, with the same bits, and are announced when they are durable."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ from pga_me_ros.errors import RequestError, StorageError
 
 BRIEF = SETTINGS.replace(n_crit=10)
 SOON = 60.0
-"""Seconds after which what does not come is missed."""
+"""Seconds after which an expected event counts as missing."""
 
 
 def order(generation: int) -> TrainingOrder:
-    """Return the training for a generation that goes on while the one before is evaluated."""
+    """Return the training for a generation that runs while the one before is evaluated."""
     return TrainingOrder.of(generation, generation - 2, BRIEF)
 
 
 class HeldLearner(ResumableLearner):
-    """Trains and writes when it may."""
+    """Trains and writes only when released."""
 
     def __init__(self, folder: Path) -> None:
         super().__init__(Lane.spec, BRIEF, folder)
@@ -54,7 +54,7 @@ class HeldLearner(ResumableLearner):
 
 
 class Told:
-    """Trainings in the folder of a run, and what they tell."""
+    """Trainings in the folder of a run, and their announcements."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -68,7 +68,7 @@ class Told:
         return self.learner.begun.get(timeout=SOON)
 
     def told(self) -> int:
-        """Return the generation that is told of next; its outcome is durable by then."""
+        """Return the generation that is announced next; its outcome is then durable."""
         generation = self._snapshots.get(timeout=SOON).generation
         assert ResumableLearner(Lane.spec, BRIEF, self.folder).find(order(generation)) is not None
         return generation
@@ -94,7 +94,7 @@ def stored(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def one_by_one(stored: Path, tmp_path_factory: pytest.TempPathFactory) -> Told:
-    """Return outcomes for generations 5 to 7 of trainings that were ordered when the one before had been told of."""
+    """Return outcomes for generations 5 to 7, each ordered after the announcement of the one before."""
     told = Told(shutil.copytree(stored, tmp_path_factory.mktemp("one") / "run"))
     told.learner.hold_no_more()
     for generation in (5, 6, 7):
@@ -110,7 +110,7 @@ def told(stored: Path, tmp_path: Path) -> Iterator[Told]:
     told.learner.hold_no_more()
 
 
-def test_an_order_begins_when_the_training_before_is_over_and_not_yet_written(told, one_by_one):
+def test_an_order_begins_when_the_training_before_is_done_but_not_yet_written(told, one_by_one):
     told.order(order(5))
     told.order(order(6), after=5)
     assert (told.begun(), len(told.trainings)) == (5, 2)
@@ -125,7 +125,7 @@ def test_an_order_begins_when_the_training_before_is_over_and_not_yet_written(to
         assert told.outcome(generation) == one_by_one.outcome(generation)
 
 
-def test_what_is_ordered_again_on_its_way_is_done_and_told_once(told):
+def test_an_order_repeated_during_its_training_is_done_and_announced_once(told):
     for _ in range(2):
         told.order(order(5))
         told.order(order(6), after=5)
@@ -141,7 +141,9 @@ def test_what_is_ordered_again_on_its_way_is_done_and_told_once(told):
     assert told.learner.begun.empty()
 
 
-def test_an_order_whose_predecessor_was_lost_is_refused_until_that_is_done(told, one_by_one):
+def test_an_order_whose_predecessor_was_lost_is_refused_until_the_predecessor_is_done(
+    told, one_by_one
+):
     with pytest.raises(RequestError, match="newest done here is for 4; order that for 5 first"):
         told.order(order(6), after=5)
     told.learner.hold_no_more()
@@ -153,7 +155,7 @@ def test_an_order_whose_predecessor_was_lost_is_refused_until_that_is_done(told,
 
 
 @pytest.mark.parametrize("after", [0, 4])
-def test_an_order_that_does_not_go_on_from_the_training_under_way_is_refused(told, after):
+def test_an_order_that_does_not_continue_the_current_training_is_refused(told, after):
     told.order(order(5))
     with pytest.raises(RequestError, match="for generation 5 is under way"):
         told.order(order(6), after)
@@ -162,7 +164,7 @@ def test_an_order_that_does_not_go_on_from_the_training_under_way_is_refused(tol
         told.order(order(7), after=5)
 
 
-def test_nothing_follows_an_outcome_that_cannot_be_written(told):
+def test_no_training_follows_an_outcome_that_cannot_be_written(told):
     told.order(order(5))
     told.order(order(6), after=5)
     told.learner.may_train.release()
@@ -182,7 +184,7 @@ def test_nothing_follows_an_outcome_that_cannot_be_written(told):
         told.order(order(6))
 
 
-def test_an_order_that_cannot_be_begun_in_its_turn_is_refused_when_it_comes_again(told):
+def test_an_order_that_failed_to_begin_is_refused_when_it_is_repeated(told):
     (told.folder / "experience" / "experience-00000004.ckpt").unlink()
     told.order(order(5))
     told.order(order(6), after=5)

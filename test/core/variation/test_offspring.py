@@ -1,4 +1,4 @@
-"""Offspring depend on their generation, place and parents, not on the call that made them."""
+"""Offspring depend on their generation, place and parents, not on the call that makes them."""
 
 from __future__ import annotations
 
@@ -23,35 +23,35 @@ def snapshot(sets):
     return Snapshot(7, 300, {}, states, 10, 0.0, 0.0)
 
 
-def test_random_controllers_in_pieces_are_those_of_the_whole():
+def test_random_controllers_made_in_pieces_are_the_same():
     whole = random_controllers(SETTINGS, SHAPE, 2, 0, 6)
     pieces = [random_controllers(SETTINGS, SHAPE, 2, first, 2) for first in (4, 0, 2)]
     np.testing.assert_array_equal(np.concatenate([pieces[1], pieces[2], pieces[0]]), whole)
 
 
-def test_ga_offspring_in_pieces_are_those_of_the_whole():
+def test_ga_offspring_made_in_pieces_are_the_same():
     whole = ga_offspring(SETTINGS, SHAPE, 2, 1, PARENTS)
     pieces = [ga_offspring(SETTINGS, SHAPE, 2, 1 + i, PARENTS[i : i + 3]) for i in (0, 3)]
     np.testing.assert_array_equal(np.concatenate(pieces), whole)
 
 
-def test_no_two_random_controllers_are_alike():
+def test_all_random_controllers_differ():
     made = np.concatenate([random_controllers(SETTINGS, SHAPE, t, 0, 6) for t in range(3)])
     assert len(np.unique(made, axis=0)) == 18
 
 
-def test_no_two_ga_offspring_of_one_pair_are_alike():
+def test_all_ga_offspring_of_one_pair_differ():
     pair = np.repeat(PARENTS[:1], 6, axis=0)
     made = np.concatenate([ga_offspring(SETTINGS, SHAPE, t, 1, pair) for t in range(3)])
     assert len(np.unique(made, axis=0)) == 18
 
 
-def test_shared_states_serve_any_place():
+def test_shared_states_are_for_any_place():
     for first, count in ((0, 1), (5, 3)):
         np.testing.assert_array_equal(pg_states(snapshot(1), first, count), snapshot(1).states[0])
 
 
-def test_own_states_are_those_of_the_places():
+def test_own_states_are_for_their_places():
     np.testing.assert_array_equal(pg_states(snapshot(6), 2, 3), snapshot(6).states[2:5])
 
 

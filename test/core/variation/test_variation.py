@@ -25,7 +25,7 @@ def offspring(n, iso_sigma, line_sigma, line_noise="scalar", seed=1):
 
 
 def line_steps(children):
-    """Step along the line, as a share of the way from parent 1 to parent 2, per parameter."""
+    """Return the step along the line as a share of the way from parent 1 to parent 2, per parameter."""
     return (children - PARENT1.astype(np.float64)) / (PARENT2 - PARENT1)
 
 
@@ -77,7 +77,7 @@ def test_equal_generators_give_equal_bits():
     assert offspring(3, 0.1, 0.5).tobytes() == offspring(3, 0.1, 0.5).tobytes()
 
 
-def test_offspring_is_float32_and_the_parents_stay():
+def test_offspring_is_float32_and_parents_are_unchanged():
     before = PARENT1.copy(), PARENT2.copy()
     assert offspring(1, 0.1, 0.5)[0].dtype == np.float32
     np.testing.assert_array_equal((PARENT1, PARENT2), before)

@@ -1,4 +1,4 @@
-"""PG variation against textbook torch, and bit for bit alone, in a batch and with workers."""
+"""PG variation compared with textbook torch, and bit for bit alone, in a batch and with workers."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def module_of(shape, flat, *, tanh):
 
 
 def textbook_offspring(parent, batches, learning_rate):
-    """One offspring by autograd and torch.optim.Adam in float64."""
+    """Return one offspring, made with autograd and torch.optim.Adam in float64."""
     controller = module_of(CONTROLLER, parent, tanh=True)
     critic = module_of(CRITIC, Q1, tanh=False)
     optimizer = torch.optim.Adam(controller.parameters(), learning_rate)
@@ -55,8 +55,8 @@ def test_offspring_equal_textbook_gradient_ascent(states):
     for i in (0, 6):
         wanted = textbook_offspring(PARENTS[i], states if states is SHARED else states[i], 1e-3)
         assert np.abs(wanted - PARENTS[i]).max() > 1e-3
-        # Where a gradient all but vanishes, Adam divides rounding errors by each other: most, not
-        # all, agree closely.
+        # Where a gradient almost vanishes, Adam divides rounding errors by each other: most
+        # parameters agree closely, but not all.
         assert np.quantile(np.abs(got[i] - wanted), 0.999) < 1e-5
         assert np.abs(got[i] - wanted).max() < 1e-3
 
@@ -100,7 +100,7 @@ def test_own_batches_differ_from_shared_ones():
     assert not np.array_equal(offspring(PARENTS, SHARED), offspring(PARENTS, OWN))
 
 
-def test_parents_critic_and_states_stay_as_they_are():
+def test_parents_critic_and_states_are_unchanged():
     before = PARENTS.copy(), Q1.copy(), SHARED.copy()
     offspring(PARENTS, SHARED)
     for kept, now in zip(before, (PARENTS, Q1, SHARED), strict=True):
@@ -114,7 +114,7 @@ def test_caller_keeps_its_threads(workers):
     assert torch.get_num_threads() == before
 
 
-def test_the_same_call_gives_the_same_bits_twice():
+def test_the_same_call_gives_the_same_bits():
     first = offspring(PARENTS, SHARED, device="auto")
     assert offspring(PARENTS, SHARED, device="auto").tobytes() == first.tobytes()
 
@@ -134,7 +134,7 @@ def test_no_parents_give_no_offspring():
         (PARENTS, SHARED[:, :0], "hold no states"),
     ],
 )
-def test_what_does_not_fit_is_refused(parents, states, message):
+def test_arrays_that_do_not_fit_are_refused(parents, states, message):
     with pytest.raises(NetworkError, match=message):
         offspring(parents, states)
 

@@ -1,4 +1,4 @@
-"""Where MAP-Elites-ES starts: probabilities counted by hand."""
+"""The elites at which MAP-Elites-ES starts: probabilities computed by hand."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ from pga_me_ros.core.algorithms.map_elites_es.selection import (
 from pga_me_ros.tasks.spec import TaskSpec
 
 
-def test_exploit_prefers_the_best_and_the_better_of_the_recent():
+def test_exploit_prefers_the_best_and_the_better_recent_ones():
     fitness = np.array([9.0, 1.0, 3.0, 7.0, 4.0, 5.0, -1.0])
     changed = np.array([10, 70, 60, 20, 50, 40, 30])  # the five last: 1, 2, 4, 5, 6
     got = exploit_probabilities(fitness, changed)
-    # 5.0 and 4.0 are the two best of those; above the least of all, plus 1: 7 and 6.
+    # 5.0 and 4.0 are the two best of those; relative to the lowest of all, plus 1: 7 and 6.
     np.testing.assert_allclose(got, [0.5, 0, 0, 0, 0.5 * 6 / 13, 0.5 * 7 / 13, 0])
 
 
-def test_exploit_takes_the_best_while_there_are_few():
+def test_exploit_uses_the_best_if_there_are_few():
     got = exploit_probabilities(np.array([1.0, 3.0, 2.0, 3.0]), np.arange(4))
     assert got.tolist() == [0.0, 1.0, 0.0, 0.0]
 
 
-def test_exploit_copes_with_equal_fitness():
+def test_exploit_handles_equal_fitness():
     got = exploit_probabilities(np.full(6, -2.0), np.arange(6))
     np.testing.assert_allclose(got.sum(), 1.0)
 
@@ -45,15 +45,15 @@ def test_explore_prefers_the_most_novel_in_proportion():
 
 
 @pytest.mark.parametrize("count", [1, 4, 9])
-def test_explore_takes_any_where_nothing_is_novel(count: int):
+def test_explore_uses_any_if_nothing_is_novel(count: int):
     np.testing.assert_allclose(explore_probabilities(np.zeros(count)), np.full(count, 1 / count))
 
 
-def test_plain_is_half_the_best_and_half_any():
+def test_plain_is_half_the_best_and_half_random():
     np.testing.assert_allclose(plain_probabilities(np.array([1.0, 5.0])), [0.25, 0.75])
 
 
-def test_an_elites_novelty_leaves_itself_out():
+def test_an_elites_novelty_excludes_itself():
     search = grown(SHORT)
     search.ask()
     state = search.learner.state()
@@ -64,7 +64,7 @@ def test_an_elites_novelty_leaves_itself_out():
     np.testing.assert_allclose(found._elite_novelty(), distances[:, 1:9].mean(axis=1))
 
 
-def test_starts_are_drawn_as_often_as_they_should_be():
+def test_starts_are_drawn_with_the_right_frequencies():
     search = grown(SHORT.replace(evaluations=11 * 20))
     search.ask()
     found = EsArchives(Lane.spec, SHORT, search.shape.parameter_count)
@@ -92,7 +92,7 @@ def two_dimensional(high: tuple[float, float]) -> TaskSpec:
 
 
 def found_in(high: tuple[float, float], state: dict[str, np.ndarray] | None = None) -> EsArchives:
-    """Return what was found with 60 centers, in the units of a range; further ones than those of a state."""
+    """Return archives with 60 more centers, in units that match a range, in addition to those of a state."""
     found = EsArchives(two_dimensional(high), CELLS, 1)
     if state is not None:
         found.load_state(state)
@@ -110,7 +110,7 @@ def test_cells_and_novelty_do_not_depend_on_the_units_of_the_descriptor():
     np.testing.assert_allclose(plain.novelty(asked), wide.novelty(asked * UNITS), rtol=1e-9)
 
 
-def test_the_state_of_an_older_version_keeps_its_cells_when_it_is_continued():
+def test_the_state_of_an_older_version_keeps_its_cells():
     new = found_in((1.0, 1000.0))
     fresh = EsArchives(two_dimensional((1.0, 1000.0)), CELLS, 1).state()
     old = {name: array for name, array in fresh.items() if name != SCALED}

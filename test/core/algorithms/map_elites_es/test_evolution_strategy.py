@@ -1,4 +1,4 @@
-"""Evolution strategies against what is known: analytic gradients, SciPy's ranks, torch's Adam, brute force."""
+"""Evolution strategies compared with analytic gradients, SciPy's ranks, torch's Adam and brute force."""
 
 from __future__ import annotations
 
@@ -57,13 +57,13 @@ def test_random_directions_give_the_gradient_of_a_quadratic_on_average():
     samples = mirrored(point, 0.5, noise, 0, 2 * pairs).astype(np.float64)
     estimate = gradient(value(samples), directions(noise, pairs, SIZE), SIZE)
     expected = slope(point)
-    # The entry i of one term has the variance |g|^2 + g_i^2 for Gaussian directions (Isserlis).
+    # Entry i of one term has the variance |g|^2 + g_i^2 for Gaussian directions (Isserlis).
     deviation = np.sqrt((expected @ expected + expected**2) / pairs)
     assert (np.abs(estimate - expected) < 5 * deviation).all()
     assert (np.abs(estimate) > 10 * deviation).any()
 
 
-def test_ranks_in_place_of_values_still_point_uphill():
+def test_ranks_instead_of_values_still_point_uphill():
     rng = np.random.default_rng(2)
     value, slope = quadratic(rng)
     point = rng.normal(size=SIZE).astype(np.float32)
@@ -75,7 +75,7 @@ def test_ranks_in_place_of_values_still_point_uphill():
     assert estimate @ uphill > 0.99 * np.linalg.norm(estimate) * np.linalg.norm(uphill)
 
 
-def test_every_sample_must_have_its_direction():
+def test_every_sample_needs_its_direction():
     with pytest.raises(ValueError, match="argument 2"):
         gradient(np.zeros(6), iter(np.ones((2, SIZE))), SIZE)
 
@@ -83,7 +83,7 @@ def test_every_sample_must_have_its_direction():
 @given(
     st.lists(st.sampled_from([-1e300, -2.0, -0.0, 0.0, 1e-9, 1.0, 3.5]), min_size=2, max_size=30)
 )
-def test_ranks_are_scipys(values: list[float]):
+def test_ranks_equal_scipys(values: list[float]):
     expected = (rankdata(values) - 1) / (len(values) - 1) - 0.5
     np.testing.assert_allclose(centered_ranks(values), expected, atol=1e-15)
     assert abs(centered_ranks(values).sum()) < 1e-12
@@ -106,7 +106,7 @@ def test_any_division_gives_the_same_samples(cuts):
     assert (np.concatenate(pieces) == mirrored(center, SIGMA, noise, 0, 10)).all()
 
 
-def test_adam_is_torchs():
+def test_adam_equals_torchs():
     rng = np.random.default_rng(3)
     point, moments = rng.normal(size=20).astype(np.float32), Moments.none(20)
     theirs = torch.tensor(point, dtype=torch.float64)
@@ -125,7 +125,7 @@ def test_adam_is_torchs():
 
 
 @pytest.mark.parametrize(("others", "k"), [(1, 10), (7, 10), (40, 10), (40, 1)])
-def test_novelty_is_brute_forces(others: int, k: int):
+def test_novelty_equals_brute_force(others: int, k: int):
     rng = np.random.default_rng(4)
     behaviors, found = rng.random((25, 3)), rng.random((others, 3))
     distances = np.sort(cdist(behaviors, found), axis=1)[:, :k]

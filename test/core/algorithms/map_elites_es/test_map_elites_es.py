@@ -1,4 +1,4 @@
-"""MAP-Elites-ES as a whole: what a generation is, what it achieves on a task without difficulties, and its bits."""
+"""MAP-Elites-ES as a whole: its generations, its result on an easy task, and reproducibility."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def test_it_fills_cells(search: Search):
     assert search.archive.coverage >= 12
 
 
-def test_samples_count_but_are_not_offered(search: Search):
+def test_samples_count_but_do_not_enter_the_archive(search: Search):
     metrics = search.metrics[-1]
     assert metrics.evaluations == 61 * 40
     assert metrics.offspring[Operator.ES_SAMPLE] == 60
@@ -85,7 +85,7 @@ def test_a_generation_is_one_controller_and_mirrored_pairs_around_it():
         search.run_generation(task)
 
 
-def test_after_its_steps_samples_surround_an_elite_and_what_was_reached_is_evaluated():
+def test_after_its_steps_the_center_is_evaluated_and_samples_surround_an_elite():
     search, task = Search(Lane.spec, SHORT), Lane()
     for _ in range(SHORT.es_steps):
         search.run_generation(task)
@@ -107,8 +107,8 @@ def test_exploit_and_explore_take_turns():
 
 
 @pytest.mark.parametrize("explore", [False, True])
-def test_steps_go_up_the_fitness_or_up_the_novelty(explore: bool):
-    """One way along a line is fitter, the other one leads away from a behavior that is known."""
+def test_steps_climb_fitness_or_novelty(explore: bool):
+    """One direction along a line is fitter, the other leads away from a known behavior."""
     settings = ES.replace(es_l2=0.0)
     batch = Search(Lane.spec, settings).ask()
     along = np.random.default_rng(0).normal(size=batch.parameters.shape[1])
@@ -138,7 +138,7 @@ def test_it_knows_the_elites_of_the_archive(search: Search):
     assert len(state["behaviors"]) == search.generation
 
 
-def test_same_seed_same_bits_another_seed_others():
+def test_the_same_seed_gives_the_same_bits_and_another_seed_others():
     one, same, other = (grown(SHORT.replace(seed=seed)) for seed in (3, 3, 4))
     assert one.archive.digest() == same.archive.digest()
     assert one.metrics == same.metrics
@@ -149,7 +149,7 @@ def test_same_seed_same_bits_another_seed_others():
 @pytest.mark.parametrize(
     "change", [{"es_cell_sampling": "plain"}, {"es_l2": 0.1}, {"es_neighbors": 1}], ids=str
 )
-def test_settings_reach_it(change: dict[str, Any]):
+def test_settings_have_an_effect(change: dict[str, Any]):
     longer = SHORT.replace(evaluations=11 * 20)
     assert grown(longer.replace(**change)).archive.digest() != grown(longer).archive.digest()
 
@@ -177,7 +177,7 @@ def test_from_a_stored_state_it_continues_bit_for_bit():
     assert copy.version == search.learner.version == 9
 
 
-def test_what_is_stored_of_an_episode_is_all_that_it_learns_from():
+def test_it_learns_only_from_what_is_stored_of_an_episode():
     episode = evaluated(Search(Lane.spec, SHORT).ask())[1]
     short = algorithm_of(SHORT).remembered(episode)
     assert short.length == 1 < episode.length

@@ -1,4 +1,4 @@
-"""Pareto fronts against brute force."""
+"""Pareto fronts compared with brute force."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pga_me_ros.errors import ArchiveError
 
 
 def ranks_by_brute_force(points: list[tuple[float, float]]) -> list[int]:
-    """Take away, again and again, whatever nothing that is left dominates."""
+    """Repeatedly remove the points that no remaining point dominates."""
     ranks = [-1] * len(points)
     rank = 0
     while -1 in ranks:
@@ -35,13 +35,13 @@ any_number = st.floats(allow_nan=False)
 @given(st.lists(st.tuples(few, few), max_size=40))
 @example([(1.0, 1.0), (1.0, 1.0), (1.0, 0.0), (0.0, 1.0)])
 @example([(0.0, 2.0), (-0.0, 2.0)])
-def test_fronts_with_many_ties_are_those_of_brute_force(points):
+def test_fronts_with_many_ties_equal_brute_force(points):
     first, second = zip(*points, strict=True) if points else ((), ())
     assert pareto_ranks(first, second).tolist() == ranks_by_brute_force(points)
 
 
 @given(st.lists(st.tuples(any_number, any_number), max_size=25))
-def test_fronts_of_any_numbers_are_those_of_brute_force(points):
+def test_fronts_of_any_numbers_equal_brute_force(points):
     first, second = zip(*points, strict=True) if points else ((), ())
     assert pareto_ranks(first, second).tolist() == ranks_by_brute_force(points)
 
@@ -49,6 +49,6 @@ def test_fronts_of_any_numbers_are_those_of_brute_force(points):
 @pytest.mark.parametrize(
     ("first", "second"), [([1.0], [1.0, 2.0]), ([[1.0]], [[2.0]]), ([np.nan], [1.0])]
 )
-def test_what_is_no_pair_of_objectives_is_refused(first, second):
+def test_objectives_of_the_wrong_shape_are_refused(first, second):
     with pytest.raises(ArchiveError, match="without NaN"):
         pareto_ranks(first, second)

@@ -54,7 +54,7 @@ def test_parents_are_the_best_fronts_and_some_of_the_next(n):
     assert sorted(rank_of[c] for c in parents) == sorted(ranks.tolist())[:n]
 
 
-def test_each_elite_of_a_front_that_is_too_large_is_chosen_now_and_then():
+def test_each_elite_of_a_front_that_is_too_large_is_chosen_sometimes():
     archive = archive_of(300)
     cells = archive.filled_cells()
     front = cells[pareto_ranks(archive.fitness[cells], elite_novelty(archive, 5)) == 0]
@@ -62,13 +62,13 @@ def test_each_elite_of_a_front_that_is_too_large_is_chosen_now_and_then():
     assert chosen == set(front.tolist())
 
 
-def test_fewer_elites_than_offspring_are_chosen_alike():
+def test_fewer_elites_than_offspring_are_chosen_equally_often():
     archive = archive_of(7)
     counts = Counter(pareto_parents(archive, 5, draw(1), 17).tolist())
     assert sorted(counts.values()) == [2, 2, 2, 2, 3, 3, 3]
 
 
-def test_chance_decides_who_goes_where():
+def test_parents_are_in_random_order():
     archive = archive_of(10)
     firsts = {int(pareto_parents(archive, 5, draw(t), 10)[0]) for t in range(200)}
     assert firsts == set(archive.filled_cells().tolist())
@@ -82,6 +82,6 @@ def test_the_choice_does_not_depend_on_when_cells_were_filled():
     assert chosen[0] == chosen[1]
 
 
-def test_an_empty_archive_is_told():
+def test_an_empty_archive_is_an_error():
     with pytest.raises(ArchiveError, match="empty"):
         pareto_parents(archive_of(0), 5, draw(1), 4)

@@ -1,4 +1,4 @@
-"""QD-RL: its rewards, its critics and its search, on a lane whose descriptor is known at each step."""
+"""QD-RL: its rewards, critics and search, on a lane whose descriptor is known at each step."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def episodes(n: int, seed: int = 0) -> list[Episode]:
 
 
 def q_values(critic: np.ndarray, inputs: np.ndarray, shape: MlpShape) -> np.ndarray:
-    """Return what a critic gives states with actions."""
+    """Return a critic's values of states and actions."""
     *hidden, (weight, bias) = shape.layers(critic)
     for w, b in hidden:
         inputs = np.maximum(inputs @ w.T + b, 0.0)
@@ -61,7 +61,7 @@ def q_values(critic: np.ndarray, inputs: np.ndarray, shape: MlpShape) -> np.ndar
 
 
 def mean_value(critic: np.ndarray, states: np.ndarray, controller: np.ndarray) -> float:
-    """Return the mean value of what a controller does in states."""
+    """Return the mean value of a controller's actions in states."""
     act = MlpController(SHAPE, controller)
     inputs = np.concatenate([states, [act(s) for s in states]], axis=1)
     return float(q_values(critic, inputs, critic_shape(SPEC, QD_RL)).mean())
@@ -86,7 +86,7 @@ def test_same_seed_gives_the_same_bits_and_another_seed_others():
 
 @pytest.mark.parametrize("changes", [{}, {"replay_size": 150}, {"state_spacing": 0.0}], ids=str)
 @pytest.mark.parametrize("late", [False, True], ids=["before", "after training"])
-def test_a_learner_that_dies_again_and_again_goes_on_bit_for_bit(changes, late, tmp_path):
+def test_a_learner_that_dies_repeatedly_continues_bit_for_bit(changes, late, tmp_path):
     settings = BRIEF.replace(state_archive_size=20, pg_batches="own", **changes)
     graph = GraphInSmall(settings, tmp_path, task=SteeredLane)
     deaths = {"late_restarts" if late else "restarts": range(1, settings.generations)}
@@ -94,7 +94,7 @@ def test_a_learner_that_dies_again_and_again_goes_on_bit_for_bit(changes, late, 
     assert graph.archive.digest() == grown(settings, task_class=SteeredLane).archive.digest()
 
 
-def test_a_training_done_again_starts_from_the_state_archive_before_it(tmp_path):
+def test_a_repeated_training_starts_from_the_state_archive_before_it(tmp_path):
     settings = BRIEF.replace(state_spacing=0.01)
     once, twice = (
         GraphInSmall(settings, tmp_path / name, task=SteeredLane) for name in ("once", "twice")
@@ -120,7 +120,7 @@ def test_half_of_a_batch_climbs_each_critic(whole):
     ]
 
 
-def test_parents_are_of_the_first_fronts(whole):
+def test_parents_are_from_the_first_fronts(whole):
     search = grown(BRIEF, generations=5, task_class=SteeredLane)
     archive = search.archive
     cells = archive.filled_cells()
@@ -150,7 +150,7 @@ def test_rewards_are_the_novelty_of_state_descriptors_when_they_are_drawn():
 
 
 def test_diversity_critics_know_what_is_novel():
-    """Without discount the critic of diversity is novelty itself: it has to tell the states that are."""
+    """Without discounting, the critic of diversity is novelty itself: it has to recognize novel states."""
     settings = QD_RL.replace(discount=0.0, n_crit=300, state_spacing=0.02)
     learner = QdRlLearner(SPEC, settings)
     learner.add(0, episodes(60))
@@ -180,7 +180,7 @@ def test_offspring_climb_the_critic_of_their_half(whole):
         assert np.greater(after, before).mean() > 0.8
 
 
-def test_quality_critics_are_those_of_a_run_without_diversity():
+def test_quality_critics_equal_those_of_a_run_without_diversity():
     lived = episodes(20)
     both, plain = QdRlLearner(SPEC, BRIEF), CriticLearner(SPEC, BRIEF)
     for learner in (both, plain):
@@ -236,7 +236,7 @@ def test_a_task_without_state_descriptors_is_refused_before_anything_starts(tmp_
         ({"batch_size": 1}, "at least 2"),
     ],
 )
-def test_settings_that_are_not_its_own_are_refused(changes, words):
+def test_settings_that_it_does_not_use_are_refused(changes, words):
     with pytest.raises(SettingsError, match=words):
         Settings(algorithm="qd_rl", **changes)
 

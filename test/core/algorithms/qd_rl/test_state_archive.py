@@ -1,4 +1,4 @@
-"""The archive of state descriptors against a plain loop."""
+"""The archive of state descriptors compared with a plain loop."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def test_equal_descriptors_enter_once():
     assert archive.points.tolist() == [[0.0, 0.0]]
 
 
-def test_novelty_is_that_of_the_points():
+def test_novelty_is_relative_to_the_stored_points():
     archive = StateArchive(2, 100, 0.05)
     archive.add(descriptors(500))
     asked = descriptors(20, seed=1)
@@ -59,5 +59,5 @@ def test_novelty_is_that_of_the_points():
     np.testing.assert_array_equal(archive.novelty(asked, 5), expected)
 
 
-def test_nothing_is_novel_to_an_empty_archive():
+def test_nothing_is_novel_in_an_empty_archive():
     assert StateArchive(2, 100, 0.05).novelty(descriptors(3), 5).tolist() == [0.0, 0.0, 0.0]

@@ -1,4 +1,4 @@
-"""State descriptors of episodes against contacts that are counted while they happen."""
+"""State descriptors of episodes compared with contacts counted during the episode."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ def draws(seed: int) -> np.random.Generator:
 @pytest.mark.parametrize(
     "name", ["qd_walker", "qd_half_cheetah", "qd_ant", "qd_hopper", SteeredLane.spec.name]
 )
-def test_each_row_is_the_descriptor_of_the_episode_up_to_there(name):
+def test_each_row_is_the_descriptor_of_the_episode_so_far(name):
     task = SteeredLane() if name == SteeredLane.spec.name else load_task(name)()
     rng, so_far = draws(1), []
 
     def controller(_):
         so_far.append(task.descriptor())
-        # Half the strength keeps them on their feet for longer, so that there is more to add up.
+        # Half the strength keeps robots on their feet for longer, so that there is more to add up.
         return rng.uniform(-0.5, 0.5, task.spec.action_dim).astype(np.float32)
 
     try:
@@ -58,6 +58,6 @@ def test_they_are_in_shares_of_the_descriptors_range():
     )
 
 
-def test_a_task_without_them_is_told_what_to_add():
+def test_the_error_for_a_task_without_them_says_what_to_add():
     with pytest.raises(TaskError, match="step_descriptor_names"):
         state_descriptors(Lane.spec, rollout(Lane(), lambda _: np.zeros(2, np.float32), draws(0)))
