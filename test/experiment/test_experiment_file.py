@@ -122,7 +122,7 @@ def test_a_million_may_be_written_as_1e6(tmp_path: Path) -> None:
         ),
         ({"seed": "[1]"}, "unknown key 'seed' (did you mean 'seeds'?)"),
         ({"reference": "gaa"}, "reference is 'gaa' (did you mean 'ga'?)"),
-        ({"budget": "["}, "is no valid YAML at line"),
+        ({"budget": "["}, "is not valid YAML at line"),
     ],
 )
 def test_a_bad_file_is_told_in_one_line_before_anything_starts(

@@ -106,7 +106,7 @@ def test_a_parameter_that_cannot_be(
         ("--ros-args -r __ns:=one", "'-r __ns:=one'; expected -r FROM:=TO, or -r __ns:=/NAME"),
         ("--ros-args -z", "Unknown ROS argument '-z'"),
         ("--ros-args --params-file none.yaml", "There is no params file 'none.yaml'"),
-        ("--ros-args --params-file bad.yaml", "no valid YAML at line 2, column 1"),
+        ("--ros-args --params-file bad.yaml", "not valid YAML at line 2, column 1"),
         ("--ros-args --params-file mixed.yaml", "all of one type"),
     ],
 )

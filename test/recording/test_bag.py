@@ -128,7 +128,7 @@ def other_fields(bag: Path) -> None:
         (no_recording, "is not a recording: it has no metadata.yaml"),
         (not_closed, "was not closed"),
         (cut_short, "is damaged"),
-        (a_bit_within_a_message, "messages of /left/repertoire/metrics are not those that were"),
+        (a_bit_within_a_message, "messages of /left/repertoire/metrics are not as they were"),
         (no_yaml, "is damaged"),
         (other_fields, "with other fields than the type installed here"),
     ],

@@ -124,7 +124,7 @@ def test_an_incomplete_recording_trains_only_when_asked(
     bag = write(tmp_path / "bag", [transitions(k) for k in range(COUNT) if k not in (4, 5)])
     assert main([str(bag), "--out", str(tmp_path / "out"), *OPTIONS]) == 2
     told = capsys.readouterr().err
-    assert "2 episodes are missing: evaluations 4-5. --incomplete trains on what is" in told
+    assert "2 episodes are missing: evaluations 4-5. --incomplete trains on the rest" in told
     assert not (tmp_path / "out").exists()
     replayed(bag, tmp_path / "out", "--incomplete")
     assert json.loads((tmp_path / "out" / "statistics.json").read_text())["episodes"] == 10
@@ -147,7 +147,7 @@ def not_finite(k: int) -> bytes:
     ("messages", "options", "said"),
     [
         ([], [], "holds no experience"),
-        ([transitions(0)], ["--task", "qd_walker"], "recorded with task 'qd_hopper', the critics"),
+        ([transitions(0)], ["--task", "qd_walker"], "recorded with task 'qd_hopper', but the critics"),
         (
             [transitions(0)],
             ["--run-id", "b"],
