@@ -125,7 +125,7 @@ def test_a_million_may_be_written_as_1e6(tmp_path: Path) -> None:
         ({"budget": "["}, "is not valid YAML at line"),
     ],
 )
-def test_a_bad_file_is_told_in_one_line_before_anything_starts(
+def test_a_bad_file_is_reported_in_one_line_before_anything_starts(
     changes: dict[str, str | None],
     words: str,
     tmp_path: Path,
@@ -141,14 +141,14 @@ def test_a_bad_file_is_told_in_one_line_before_anything_starts(
 
 
 @pytest.mark.parametrize("content", ["", "5", "[1, 2]", "\xff\xfe"])
-def test_a_file_that_is_something_else_is_told(tmp_path: Path, content: str) -> None:
+def test_a_file_with_other_content_is_reported(tmp_path: Path, content: str) -> None:
     path = tmp_path / "file.yaml"
     path.write_bytes(content.encode("latin-1"))
     with pytest.raises(SettingsError, match=r"expected the keys systems, tasks, seeds and budget"):
         read_experiment(path)
 
 
-def test_a_file_that_is_not_there_is_told(tmp_path: Path) -> None:
+def test_a_missing_file_is_reported(tmp_path: Path) -> None:
     written(tmp_path)
     with pytest.raises(SettingsError, match=r"no experiment file .*did you mean 'file.yaml'"):
         read_experiment(tmp_path / "files.yaml")
@@ -162,7 +162,7 @@ def test_cells_are_chosen_by_index_name_and_pattern(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("word", ["12", "-1", "ga/qd_walker/9", "*/ant/*"])
-def test_a_cell_that_is_not_there_is_told(tmp_path: Path, word: str) -> None:
+def test_an_unknown_cell_is_reported(tmp_path: Path, word: str) -> None:
     with pytest.raises(RequestError, match="There is no cell"):
         read_experiment(written(tmp_path)).chosen([word])
 
@@ -181,7 +181,7 @@ def test_shared_settings_go_to_the_systems_that_use_them(tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize("name", ["paper_small", "paper"])
-def test_the_experiments_of_the_house_are_sound_and_have_all_systems(name: str) -> None:
+def test_the_supplied_experiments_are_valid_and_have_all_systems(name: str) -> None:
     experiment = read_experiment(CONFIG / f"{name}.yaml")
     assert [system.name for system in experiment.systems] == list(ALGORITHMS)
     assert experiment.reference == "pga_map_elites"
@@ -190,7 +190,7 @@ def test_the_experiments_of_the_house_are_sound_and_have_all_systems(name: str) 
         assert experiment.tasks == tuple(BUILT_IN)
 
 
-def test_a_system_that_is_called_like_an_algorithm_is_that_algorithm(tmp_path: Path) -> None:
+def test_a_system_with_the_name_of_an_algorithm_is_that_algorithm(tmp_path: Path) -> None:
     path = written(tmp_path, systems="{map_elites: {iso_sigma: 0.01}, mine: {n_evo: 30}}")
     cells = read_experiment(path).cells
     assert [(c.system, c.settings.algorithm) for c in cells[:2]] == [

@@ -1,4 +1,4 @@
-"""Exports of a stored run, read back by the programs that they are for."""
+"""Exports of a stored run, read back by the programs they are made for."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ Actions = Float32Array
 SPEC = task_spec("qd_hopper")
 OBSERVATIONS = np.random.default_rng(1).normal(size=(1000, 15)).astype(np.float32)
 EXTREME = (5.0 * np.sign(OBSERVATIONS)).astype(np.float32)
-"""Every entry at its limit: observations are clipped to ±5. Sums, and with them their rounding, are larger there."""
+"""Observations with every entry at its limit of ±5, where sums and their rounding errors are largest."""
 
 
 def archive_of(run: Path) -> Archive:
@@ -44,7 +44,7 @@ def archive_of(run: Path) -> Archive:
 
 
 def actions(run: Path, cell: int, observations: Actions = OBSERVATIONS) -> Actions:
-    """Return what our controller of a cell does."""
+    """Return the actions of our controller of a cell."""
     with Repertoire.open(run / REPERTOIRE, read_only=True) as repertoire:
         shape = MlpShape(repertoire.info.layer_sizes)
     controller = MlpController(shape, archive_of(run).parameters[cell])
@@ -69,7 +69,9 @@ MODELS = {"onnx": (".onnx", onnx_actions), "torchscript": (".pt", torchscript_ac
 
 
 @pytest.mark.parametrize("kind", MODELS)
-def test_an_exported_controller_does_the_same(hopper_run: Path, tmp_path: Path, kind: str) -> None:
+def test_an_exported_controller_gives_the_same_actions(
+    hopper_run: Path, tmp_path: Path, kind: str
+) -> None:
     ending, read = MODELS[kind]
     file = exported(hopper_run, tmp_path / f"best{ending}", kind, "--best")
     best = archive_of(hopper_run).best().cell
@@ -103,7 +105,7 @@ def torchscript_about(file: Path) -> dict[str, str]:
 @pytest.mark.parametrize(
     ("kind", "read"), [("onnx", onnx_about), ("torchscript", torchscript_about)]
 )
-def test_a_controller_says_what_it_takes_and_gives(
+def test_a_controller_describes_its_inputs_and_outputs(
     hopper_run: Path, tmp_path: Path, kind: str, read: Callable[[Path], dict[str, str]]
 ) -> None:
     about = read(exported(hopper_run, tmp_path / "best", kind, "--best"))
@@ -114,7 +116,7 @@ def test_a_controller_says_what_it_takes_and_gives(
     assert json.loads(about["control_period"]) == SPEC.control_period
 
 
-def test_a_robot_is_asked_one_observation_at_a_time(hopper_run: Path, tmp_path: Path) -> None:
+def test_a_controller_accepts_one_observation_at_a_time(hopper_run: Path, tmp_path: Path) -> None:
     file = exported(hopper_run, tmp_path / "best.pt", "torchscript", "--best")
     expected = actions(hopper_run, archive_of(hopper_run).best().cell)[0]
     action = torch.jit.load(file)(torch.from_numpy(OBSERVATIONS[0])).numpy()
@@ -170,7 +172,7 @@ def test_csv_has_a_line_per_elite_with_all_digits(hopper_run: Path, tmp_path: Pa
 
 @pytest.fixture
 def again(hopper_run: Path, tmp_path: Path) -> Path:
-    """The run with two re-evaluations of its best elite."""
+    """Return the run with two re-evaluations of its best elite."""
     run = Path(shutil.copytree(hopper_run, tmp_path / "again"))
     with Repertoire.open(run / REPERTOIRE, read_only=True) as repertoire:
         run_id, best = repertoire.info.run_id, repertoire.load_archive().best()
@@ -186,7 +188,7 @@ def again(hopper_run: Path, tmp_path: Path) -> Path:
     return run
 
 
-def test_re_evaluations_come_along(again: Path, tmp_path: Path) -> None:
+def test_re_evaluations_are_exported(again: Path, tmp_path: Path) -> None:
     best = archive_of(again).best().cell
     rows = {int(row["cell"]): row for row in table(exported(again, tmp_path / "csv", "csv"))}
     (name,) = SPEC.descriptor_names
@@ -206,7 +208,7 @@ def test_one_elite_is_chosen_by_cell_or_evaluation(hopper_run: Path, tmp_path: P
 
 
 def ribs_archive(file: Path) -> ribs.archives.ArchiveBase:
-    """Follow docs/export.md."""
+    """Make an archive as described in docs/export.md."""
     data = np.load(file)
     if "dims" in data:
         archive = ribs.archives.GridArchive(
@@ -255,7 +257,7 @@ def test_a_pyribs_archive_has_the_same_cells_for_a_descriptor_in_any_units(
     archive.add(solutions)
     cells = tuple(archive.filled_cells().tolist())
     run = StoredRun.load(hopper_run)
-    vars(run)["archive"] = archive  # what it would have read
+    vars(run)["archive"] = archive  # in place of the archive that it would read
     source = Source(run, cells, one=False)
     write_pyribs(source, tmp_path / "ribs.npz")
     theirs = ribs_archive(tmp_path / "ribs.npz").data()
@@ -286,7 +288,7 @@ MISTAKES = {
 
 
 @pytest.mark.parametrize("case", MISTAKES)
-def test_a_mistake_is_told_in_one_line(
+def test_a_mistake_is_reported_in_one_line(
     hopper_run: Path,
     tmp_path: Path,
     case: str,
@@ -305,7 +307,7 @@ def test_a_mistake_is_told_in_one_line(
     assert said in errors
 
 
-def test_a_missing_onnx_is_told_with_what_to_do(
+def test_the_error_for_a_missing_onnx_says_what_to_do(
     hopper_run: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setitem(sys.modules, "onnx", None)

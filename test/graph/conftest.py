@@ -1,4 +1,4 @@
-"""Real nodes in real processes, each test in a ROS domain of its own."""
+"""Real nodes in real processes, each test in its own ROS domain."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from graph import Graph, Probe
 from stored import Served, served
 
 EXACT = ("test_chaos", "test_determinism", "test_recovery", "test_fuzz", "test_stray_snapshots")
-"""Tests of what must hold every single time."""
+"""Tests that must pass every time."""
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Give tests of processes a second chance: a machine that stalls can pass any deadline, and discovery has none.
+    """Give tests of processes a second chance: a machine that stalls can miss any deadline, and discovery has no bound.
 
-    Not where the result of a run is at stake: a wrong repertoire fails at once. Tests of minutes wait to be asked.
+    Tests of a run's result get none: a wrong repertoire fails at once. Tests that take minutes run only on request.
     """
     here = Path(__file__).parent
     asked = config.getoption("markexpr")
@@ -30,14 +30,14 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 @pytest.fixture(scope="module")
 def repertoire(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
-    """A small finished repertoire that an archive manager serves to all tests of a file."""
+    """Serve a small finished repertoire to all tests of a file."""
     with served(tmp_path_factory.mktemp("served")) as repertoire:
         yield repertoire
 
 
 @pytest.fixture
 def graph(tmp_path: Path) -> Iterator[Graph]:
-    """Start nodes in a private ROS domain; whatever is left of them is killed at the end."""
+    """Start nodes in a private ROS domain; those that are left at the end are killed."""
     with domain_id() as domain:
         graph = Graph(domain, tmp_path)
         yield graph
@@ -46,7 +46,7 @@ def graph(tmp_path: Path) -> Iterator[Graph]:
 
 @pytest.fixture
 def probe(graph: Graph, monkeypatch: pytest.MonkeyPatch) -> Iterator[Probe]:
-    """A node of this process in the same domain, to call services and listen to topics with."""
+    """Return a node of this process in the same domain, to call services and subscribe to topics."""
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     probe = Probe(graph.domain)
     yield probe

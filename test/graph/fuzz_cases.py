@@ -1,7 +1,7 @@
 """What a fuzzer sends to the graph: hypothesis strategies for requests and messages, from valid to malformed.
 
-A case that could change the run for good never carries all of the run's id, a generation that is due and sound content:
-whoever sends that is the run.
+A case that could change the run never has the run's id, the next generation and valid content all at once: such a
+message would be the run's own.
 """
 
 from __future__ import annotations
@@ -47,11 +47,11 @@ class Case:
 
 @st.composite
 def run_cases(draw: st.DrawFn, target: Target, types: Mapping[str, str]) -> Case:
-    """Draw a message to what belongs to the run: a stray's, or in the run's name with a fault, or harmless.
+    """Draw a message to a target of the run: a foreign one, a faulty one with the run's id, or a harmless one.
 
     Args:
         draw: Given by hypothesis.
-        target: Where it goes.
+        target: Its target.
         types: Types of the message's fields.
     """
     fields = dict(target.sound)
@@ -72,7 +72,7 @@ def run_cases(draw: st.DrawFn, target: Target, types: Mapping[str, str]) -> Case
 
 @st.composite
 def any_cases(draw: st.DrawFn, target: str, types: Mapping[str, str]) -> Case:
-    """Draw a message to what takes anything from anybody."""
+    """Draw a message to a target that accepts anything from anybody."""
     return Case(target, draw(some_fields(types, most=5)))
 
 
@@ -89,7 +89,7 @@ def some_fields(draw: st.DrawFn, types: Mapping[str, str], most: int) -> dict[st
 
 @st.composite
 def status_cases(draw: st.DrawFn, world: World, types: Mapping[str, str]) -> Case:
-    """Draw a heartbeat that takes the orchestrator in, as far as somebody can who has listened."""
+    """Draw a heartbeat that looks as genuine as a stranger who has listened can make it."""
     fields = draw(some_fields(types, most=2))
     likely = {
         "kind": ("evaluator", "archive_manager", "critic_trainer", "variation"),
@@ -107,7 +107,7 @@ def status_cases(draw: st.DrawFn, world: World, types: Mapping[str, str]) -> Cas
 
 @st.composite
 def parameter_cases(draw: st.DrawFn, service: str, known: Sequence[str]) -> Case:
-    """Draw a request to set parameters that must not, or cannot be set, or do not matter.
+    """Draw a request to set parameters that must not be set, cannot be set, or do not matter.
 
     Args:
         draw: Given by hypothesis.
@@ -118,7 +118,7 @@ def parameter_cases(draw: st.DrawFn, service: str, known: Sequence[str]) -> Case
     for _ in range(draw(st.integers(1, 3))):
         name = draw(st.sampled_from((*known, *STRINGS)))
         value = ParameterValue(type=draw(st.sampled_from((*range(11), 77, 255))))
-        rate = name in RATES  # within its range it would be set
+        rate = name in RATES  # a value within its range would be set
         value.integer_value = draw(st.sampled_from((-1, 2**63 - 1) if rate else INT64))
         value.double_value = draw(st.sampled_from((FLOATS[0], -1e308, 1e30) if rate else FLOATS))
         value.bool_value = draw(st.booleans())

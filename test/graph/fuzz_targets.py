@@ -1,4 +1,4 @@
-"""What of the graph belongs to a run: sound messages to it, and what makes one to be refused."""
+"""The parts of the graph that belong to a run: valid messages to them, and faults that must be refused."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ from pga_me_ros.tasks.spec import TaskSpec
 
 FOREIGN = "ffffffff-1111-2222-3333-444444444444"
 FAR = 10**6
-"""Generations that no run of these tests gets to."""
+"""Generations that no run of these tests reaches."""
 
 
 @dataclass(frozen=True)
 class World:
-    """What a stray node can know of a run: all of it is on topics that anybody may listen to."""
+    """What a foreign node can know about a run from topics that anybody may subscribe to."""
 
     run_id: str
     spec: TaskSpec
@@ -55,10 +55,10 @@ class Target:
 
     Attributes:
         name: Relative name.
-        sound: Fields of a sound message.
-        faults: What makes it one to be refused.
-        owned: Whether a foreign run id does so, too.
-        harmless: Whether a sound message with the run's own id may be sent.
+        sound: Fields of a valid message.
+        faults: Changes for which it must be refused.
+        owned: Whether a foreign run id must be refused, too.
+        harmless: Whether a valid message with the run's own id may be sent.
         generations: Fields that are relative to the newest committed generation.
     """
 
@@ -91,7 +91,7 @@ def run_targets(world: World, evaluator: str) -> list[Target]:
 
 
 def add_target(world: World) -> Target:
-    """Return archive/add; all faults are of content, for the generation that is due."""
+    """Return archive/add; all faults are in the content, for the next generation."""
     b, d, p = world.settings.batch_size, world.spec.descriptor_dim, world.shape.parameter_count
     sound = {
         "run_id": world.run_id,
@@ -259,7 +259,7 @@ def snapshot_target(world: World) -> Target:
         *ints("batch_size", 0, 1, -5, 2**62),
         *of_length("parameters", "f", parameters),
         *not_finite("parameters", "f", parameters),
-        # Sound, but not in a run that learns a critic and a greedy controller:
+        # Valid, but not in a run that learns a critic and a greedy controller:
         ("networks", ["critic", "center"]),
         ("networks", ["diversity_critic", "greedy"]),
         ("networks", ["greedy", "critic"]),
@@ -283,7 +283,7 @@ def snapshot_target(world: World) -> Target:
 
 
 def elites_target(world: World) -> Target:
-    """Return archive/elites; the sound one is of a run that has as many cells."""
+    """Return archive/elites; the valid message is of a run with as many cells."""
     p = world.shape.parameter_count
     sound = {
         "run_id": world.run_id,
@@ -308,7 +308,7 @@ def elites_target(world: World) -> Target:
 
 
 def evaluate_target(world: World, evaluator: str) -> Target:
-    """Return an evaluator's evaluate, which is for any run of its task: the trainer tells apart what came of it."""
+    """Return an evaluator's evaluate, which serves any run of its task: the trainer sorts out the results."""
     p = world.shape.parameter_count
     sound = {
         "run_id": FOREIGN,

@@ -1,4 +1,4 @@
-"""Values for the fields of fuzzed messages: numbers, texts and arrays, from sound to absurd."""
+"""Values for the fields of fuzzed messages: numbers, texts and arrays, from valid to absurd."""
 
 from __future__ import annotations
 
@@ -39,23 +39,23 @@ HUGE_ONE_IN = 150
 TYPECODES = {"float": "f", "double": "d", "int64": "q", "uint8": "B", "int32": "i"}
 
 Fault = tuple[str, Any]
-"""A field and a value that makes a request one to be refused."""
+"""A field and a value for which a request must be refused."""
 
 
 def numbers(typecode: str, n: int, value: float = 0.1) -> array.array[Any]:
-    """Return n equal numbers as a field's array."""
+    """Return n equal numbers as the array of a field."""
     return array.array(typecode, np.full(n, value, np.dtype(typecode)).tobytes())
 
 
 def lengths() -> st.SearchStrategy[int]:
-    """Lengths of arrays; once in a while tens of megabytes."""
+    """Return lengths of arrays; sometimes tens of megabytes."""
     return st.integers(0, HUGE_ONE_IN).flatmap(
         lambda i: st.just(HUGE) if i == HUGE_ONE_IN else st.sampled_from(LENGTHS)
     )
 
 
 def value_of(field_type: str) -> st.SearchStrategy[Any]:
-    """Return values, good and bad, for a field of a message type as rosidl names it; None where it is a message."""
+    """Return valid and invalid values for a field of a type as named by rosidl; None if the type is a message."""
     if field_type == "boolean":
         return st.booleans()
     if field_type == "string":
@@ -107,20 +107,20 @@ BAD_RATES: tuple[Fault, ...] = (
 
 
 def bad_rates(fault: Fault) -> Rates:
-    """Return rates of which one is out of its range."""
+    """Return rates with one out of range."""
     rates = rates_to_msg(Settings(n_evo=5))
     setattr(rates, *fault)
     return rates
 
 
 def of_length(name: str, typecode: str, right: int) -> list[Fault]:
-    """Return faults of an array that needs a certain length."""
+    """Return faults for an array that must have a certain length."""
     wrong = (0, 1, right - 1, right + 1, 100_003)
     return [(name, numbers(typecode, n)) for n in wrong if n != right]
 
 
 def not_finite(name: str, typecode: str, n: int) -> list[Fault]:
-    """Return faults of an array of the right length whose numbers are not finite."""
+    """Return faults for an array: the right length, but numbers that are not finite."""
     return [(name, numbers(typecode, n, bad)) for bad in FLOATS[:3]]
 
 
@@ -133,5 +133,5 @@ def arrays(types: Mapping[str, str]) -> list[tuple[str, str]]:
 
 
 def ints(name: str, *values: int) -> list[Fault]:
-    """Return faults of a number."""
+    """Return faults for a number."""
     return [(name, value) for value in values]

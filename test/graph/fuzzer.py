@@ -1,4 +1,4 @@
-"""A stray node that sends anything to everything in its ROS domain, and notes what is not answered as it should be."""
+"""A foreign node that sends anything to everything in its ROS domain, and records wrong answers."""
 
 from __future__ import annotations
 
@@ -24,23 +24,23 @@ from pga_me_ros.ros import names, qos
 from pga_me_ros.tasks.registry import task_spec
 
 AT_A_TIME = 2
-"""Requests to one service that may be under way: a server keeps ten, and the run needs some of them."""
+"""Maximum pending requests to one service: a server's queue holds ten, and the run needs some of them."""
 
 STALL = 200.0
-"""Seconds after which a request that is not answered means that its node stalls. Of two messages of tens of megabytes
-that reach a process at once Fast DDS drops pieces, and repairs them at the pace of its heartbeats, every three seconds:
-one such request took 81 s beside other work, while the node answered everybody else."""
+"""Seconds after which an unanswered request means that its node stalls. If two messages of tens of megabytes reach a
+process at once, Fast DDS drops pieces and repairs them one heartbeat at a time, every three seconds: one such request
+took 81 s on a busy machine, while the node answered all others."""
 
 USERS = ("/pause", "/resume", "/stop")
-"""Services of the orchestrator that do what anybody asks for; there is nothing to get wrong about their requests."""
+"""Services of the orchestrator that anybody may call; their requests cannot be wrong."""
 
 MIDDLEWARE = ("/rosout", "/parameter_events", "/clock")
 SLOW = ("/evaluator",)
-"""What answers only between two episodes, and gets fewer requests."""
+"""Targets that answer only between two episodes, and so get fewer requests."""
 
 
 class Fuzzer:
-    """Sends cases to a run that is under way.
+    """Sends cases to a running run.
 
     Args:
         probe: Node to send with, in the domain of the run.
@@ -48,10 +48,10 @@ class Fuzzer:
 
     Attributes:
         world: What it has found out about the run.
-        sent: Cases by target.
-        refusals: Answers that were refusals, by target.
-        wrong: What was not as it should be, in words.
-        slowest: Longest time that an answer took, by service [s].
+        sent: Number of cases by target.
+        refusals: Number of refusals by target.
+        wrong: Descriptions of everything that went wrong.
+        slowest: Longest time of an answer by service [s].
     """
 
     def __init__(self, probe: Probe, run_settings: Settings) -> None:
@@ -70,15 +70,15 @@ class Fuzzer:
 
     @property
     def generation(self) -> int:
-        """Newest generation that is known to be committed."""
+        """Newest generation known to be committed."""
         ours = (m.generation for m in reversed(self._metrics) if m.run_id == self.world.run_id)
         return next(ours, -1)
 
     def fuzz(self, count: int, watch: Callable[[int], None] = lambda _: None) -> None:
-        """Send a number of cases, the same each time as far as the run is the same, and wait for all answers.
+        """Send a number of cases, always the same for the same run, and wait for all answers.
 
         Args:
-            count: How many.
+            count: Number of cases.
             watch: Called after each with the number sent so far.
         """
         strategy = self._cases()
@@ -93,7 +93,7 @@ class Fuzzer:
         )
         @given(strategy)
         def send(case: Case) -> None:
-            if not self.wrong:  # what comes after a node has died tells nothing new
+            if not self.wrong:  # nothing new can be learned after a node has died
                 self.send(case)
                 watch(sum(self.sent.values()))
 
@@ -103,7 +103,7 @@ class Fuzzer:
                 self._wait(target, 0)
 
     def send(self, case: Case) -> None:
-        """Send one case; what is wrong about the answer is noted, never raised."""
+        """Send one case; a wrong answer is recorded, not raised."""
         kind = self._types[case.target]
         is_service = case.target in self._clients
         message = kind.Request() if is_service else kind()
@@ -124,7 +124,7 @@ class Fuzzer:
             self._publishers[case.target].publish(message)
 
     def _wait(self, target: str, most: int) -> None:
-        """Wait until at most so many requests to a service are under way."""
+        """Wait until at most this many requests to a service are pending."""
         pause = threading.Event()
         while len(self._under_way[target]) > most:
             sent, case, future = self._under_way[target][0]
@@ -148,7 +148,7 @@ class Fuzzer:
                 self.wrong.append(f"{case.target} accepted {_short(case)}")
 
     def _explore(self, run_settings: Settings) -> World:
-        """Find out all that can be found out by listening, and every service and topic there is."""
+        """Find out everything that subscribers can find out, and all services and topics."""
         node = self._probe.node
         status = self._probe.listen(NodeStatus, names.STATUS, qos.STATUS)
 
@@ -157,7 +157,7 @@ class Fuzzer:
                 {s.kind for s in status}
             ) == len({"archive_manager", "critic_trainer", "variation", "evaluator"})
 
-        wait_until(at_work, "a run under way")
+        wait_until(at_work, "a working run")
         self._take_services(dict(node.get_service_names_and_types()))
         self._take_topics(dict(node.get_topic_names_and_types()))
         wait_until(
@@ -196,7 +196,7 @@ class Fuzzer:
                 )
 
     def _cases(self) -> st.SearchStrategy[Case]:
-        """Return the strategy of all cases; what does most for the run gets most of them."""
+        """Return the strategy for all cases; the most important targets get the most cases."""
         fields = {name: _fields(kind) for name, kind in self._types.items()}
         evaluators = [n for n in self._clients if n.endswith("/evaluate")]
         strategies: list[tuple[int, st.SearchStrategy[Case]]] = []
@@ -237,12 +237,14 @@ def _fields(kind: Any) -> dict[str, str]:
 
 
 def _verdicts(answer: Any) -> Sequence[tuple[bool, str, bool]]:
-    """Return (accepted, reason, whether it says that nothing was changed) of each part of an answer."""
+    """Return (accepted, reason, whether nothing was changed) for each part of an answer."""
     if hasattr(answer, "results"):  # of set_parameters
         return [(r.successful, r.reason, False) for r in answer.results]
     if hasattr(answer, "result") and hasattr(answer.result, "successful"):
         return [(answer.result.successful, answer.result.reason, False)]
-    unchanged = hasattr(answer, "status") and not len(answer.status)  # a generation that was in
+    unchanged = hasattr(answer, "status") and not len(
+        answer.status
+    )  # a generation that was already in the archive
     for ok in ("accepted", "found", "ok", "success"):
         if hasattr(answer, ok):
             return [(getattr(answer, ok), answer.message, unchanged)]

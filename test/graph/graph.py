@@ -1,4 +1,4 @@
-"""Harness of the graph tests: start nodes as processes, talk to them, wait on conditions."""
+"""Harness of the graph tests: start nodes as processes, talk to them, wait for conditions."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from pga_me_ros.core.settings.rules import useless
 from pga_me_ros.ros import qos
 
 DEADLINE = 60.0
-"""Seconds after which something that should have happened is taken for lost."""
+"""Seconds after which an expected event counts as missing."""
 
 TINY = {
     "evaluations": 30,
@@ -39,11 +39,11 @@ TINY = {
     "evaluators": 1,
     "serve": False,
 }
-"""Parameters of a run that takes seconds and has all parts: 1 generation of random controllers, 2 of variation."""
+"""Parameters of a complete run that takes seconds: 1 generation of random controllers, 2 of variation."""
 
 
 def tiny(**parameters: Any) -> dict[str, Any]:
-    """Return `TINY` with parameters added, without those of it that their algorithm or archive has no use for."""
+    """Return `TINY` with parameters added, without those that the algorithm or archive does not use."""
     algorithm = parameters.get("algorithm", Settings.algorithm)
     unused = useless(TINY, algorithm, parameters.get("archive", Settings.archive))
     return {**{n: v for n, v in TINY.items() if n not in unused}, **parameters}
@@ -59,7 +59,7 @@ def ros_arguments(parameters: Mapping[str, Any]) -> list[str]:
 
 
 def wait_until(true: Callable[[], bool], what: str, timeout: float = DEADLINE) -> None:
-    """Wait for a condition, looking every 20 ms."""
+    """Wait for a condition, checking every 20 ms."""
     deadline = time.monotonic() + timeout
     pause = threading.Event()
     while not true():
@@ -76,11 +76,11 @@ class Started:
 
     @property
     def output(self) -> str:
-        """What it has printed so far."""
+        """Its output so far."""
         return self.log.read_text(errors="replace")
 
     def wait(self, timeout: float = DEADLINE) -> int:
-        """Wait for its end and return its exit code."""
+        """Wait for it to end, and return its exit code."""
         try:
             return self.process.wait(timeout)
         except subprocess.TimeoutExpired:
@@ -124,7 +124,7 @@ class Graph:
         Args:
             kind: Module in `pga_me_ros.nodes`.
             parameters: ROS parameters.
-            arguments: More ROS arguments, such as ``-r __ns:=/one``.
+            arguments: Further ROS arguments, such as ``-r __ns:=/one``.
         """
         command = [sys.executable, "-m", f"pga_me_ros.nodes.{kind}"]
         return self.launch([*command, *ros_arguments(parameters), *arguments])
@@ -150,7 +150,7 @@ class Graph:
         return self.start("orchestrator", values, *arguments)
 
     def kill(self) -> None:
-        """Kill what is left."""
+        """Kill all remaining nodes."""
         for started in self._started:
             if started.process.poll() is None:
                 started.process.kill()
@@ -184,7 +184,7 @@ class Probe:
         return heard
 
     def close(self) -> None:
-        """Stop spinning, destroy the node."""
+        """Stop spinning and destroy the node."""
         self.executor.shutdown()
         self._thread.join()
         self.node.destroy_node()

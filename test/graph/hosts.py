@@ -1,7 +1,7 @@
 """Hosts on a network, made of Linux namespaces: each has its own network card, name and shared memory.
 
-They hang on a switch by cables that can be pulled. The machine's own network is not touched: the switch lives in a
-namespace too, and everything vanishes with the processes that hold the namespaces.
+Cables that can be pulled connect them to a switch. The machine's own network is not touched: the switch has its own
+namespace, too, and everything vanishes with the processes that hold the namespaces.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from pathlib import Path
 from graph import Graph, Started
 
 SETUP = 10.0
-"""Seconds within which a command that sets up the network must end."""
+"""Maximum seconds for a command that sets up the network."""
 
 
 class NotPermittedError(Exception):
-    """This machine does not let this user make networks of namespaces."""
+    """This user may not make networks of namespaces on this machine."""
 
 
 class Network:
@@ -30,7 +30,7 @@ class Network:
         names: Names of the hosts; they get the addresses 10.77.0.1, 10.77.0.2, ...
 
     Raises:
-        NotPermittedError: The programs for it are missing, or the kernel refuses.
+        NotPermittedError: A required program is missing, or the kernel refuses.
     """
 
     def __init__(self, names: Sequence[str]) -> None:
@@ -39,7 +39,7 @@ class Network:
                 raise NotPermittedError(f"there is no program '{program}'")
         self._holders: dict[str, subprocess.Popen[bytes]] = {}
         self._cables = {name: f"cable{i}" for i, name in enumerate(names, start=1)}
-        # Root of a user namespace of its own may do what root may, as far as its own namespaces are concerned.
+        # Root of its own user namespace has root's permissions within its own namespaces.
         self._user = [] if os.geteuid() == 0 else ["--user"]
         try:
             self._hold("switch", ["unshare", *self._user, *self._map_root(), "--net"])
@@ -52,7 +52,7 @@ class Network:
             raise
 
     def inside(self, name: str) -> list[str]:
-        """Return what to put in front of a command so that it runs on a host."""
+        """Return the prefix for a command that should run on a host."""
         pid = str(self._holders[name].pid)
         user = [*self._user, "--preserve-credentials"] if self._user else []
         spaces = ["--net"] if name == "switch" else ["--net", "--uts", "--ipc", "--mount"]
@@ -67,7 +67,7 @@ class Network:
         self._do("switch", f"ip link set {self._cables[name]} up")
 
     def close(self) -> None:
-        """Take everything down."""
+        """Remove everything."""
         for holder in reversed(self._holders.values()):
             holder.kill()
             holder.wait()
@@ -87,7 +87,7 @@ class Network:
         self._do(name, f"ip address add {address} dev eth0")
 
     def _hold(self, name: str, command: list[str]) -> None:
-        """Make namespaces that live as long as a process that does nothing."""
+        """Make namespaces that live as long as an idle process."""
         holder = subprocess.Popen(
             [*command, "sh", "-c", "echo made; exec sleep infinity"],
             stdin=subprocess.DEVNULL,
@@ -129,11 +129,11 @@ class Host(Graph):
 
     @property
     def environment(self) -> dict[str, str]:
-        """Environment of every node: that of docs/two_machines.md."""
+        """Environment of every node, as in docs/two_machines.md."""
         return {**super().environment, "ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"}
 
     def launch(self, command: list[str]) -> Started:
         """Start any command on this host."""
-        # Who enters another mount namespace finds himself in its root folder.
+        # Entering another mount namespace changes the working directory to its root.
         go_there = ["sh", "-c", 'cd "$0" && exec "$@"', str(self.folder)]
         return super().launch([*self._network.inside(self._name), *go_there, *command])

@@ -1,6 +1,6 @@
-"""A plain ROS node that prints what evaluators say, one JSON line per message; run as a program.
+"""A plain ROS node that prints messages of evaluators, one JSON line each; run as a program.
 
-It knows nothing of the project but its messages, as a node that somebody else wrote.
+Like a node written by somebody else, it knows only the project's messages.
 """
 
 from __future__ import annotations

@@ -21,7 +21,7 @@ def children(run_dir: Path) -> dict[str, int]:
             try:
                 words = (folder / "cmdline").read_bytes().decode().split("\0")
             except OSError:
-                continue  # it ended meanwhile
+                continue  # it has ended
             name = next((w.split(":=")[1] for w in words if w.startswith("__node:=")), "")
             if name and any(w.startswith(mark) for w in words):
                 found[name] = int(folder.name)
@@ -29,7 +29,7 @@ def children(run_dir: Path) -> dict[str, int]:
 
 
 def kill_child(run_dir: Path, name: str) -> None:
-    """Kill a child as the kernel would in need of memory, and wait for its successor."""
+    """Kill a child as the kernel would if memory ran out, and wait for its successor."""
     pid = children(run_dir)[name]
     os.kill(pid, signal.SIGKILL)
     wait_until(lambda: children(run_dir).get(name, pid) != pid, f"a new {name}")
@@ -41,6 +41,6 @@ def wait_for_no_children(run_dir: Path) -> None:
 
 
 def kill_orchestrator(run: Started) -> None:
-    """Kill the orchestrator, and nothing else."""
+    """Kill only the orchestrator."""
     run.process.kill()
     run.process.wait()

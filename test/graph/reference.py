@@ -1,4 +1,4 @@
-"""What a run must end with: the same algorithm in this process, without a node."""
+"""The expected result of a run: that of the same algorithm in this process, without nodes."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ ES = {
     "random_init": 1,
     "es_steps": 2,
 }
-"""What MAP-Elites-ES needs on top of `TINY`; it changes from exploit to explore every second generation."""
+"""Parameters of MAP-Elites-ES in addition to `TINY`; it alternates exploit and explore every second generation."""
 
 NOT_SETTINGS = ("evaluators", "serve", "run_dir")
-"""Parameters of the orchestrator that decide nothing about the result."""
+"""Parameters of the orchestrator that do not affect the result."""
 
 
 def search_digest(**parameters: Any) -> str:
-    """Return the digest of the archive that `core.search` ends with; `parameters` are added to `TINY`."""
+    """Return the digest of the final archive of `core.search`; `parameters` are added to `TINY`."""
     return _searched(run_settings(**parameters))[0]
 
 
@@ -56,12 +56,12 @@ def _searched(settings: Settings) -> tuple[str, list[Metrics]]:
 
 
 def run_digest(run_dir: Path) -> str:
-    """Return the digest of what a run has committed."""
+    """Return the digest of a run's committed result."""
     with Repertoire.open(run_dir / "repertoire.db", read_only=True) as repertoire:
         return repertoire.result_digest()
 
 
 def evaluations_of(run_dir: Path) -> int:
-    """Return how many evaluations a run has committed."""
+    """Return the number of evaluations that a run has committed."""
     with Repertoire.open(run_dir / "repertoire.db", read_only=True) as repertoire:
         return TINY["batch_size"] * len(repertoire.metrics())

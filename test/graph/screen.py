@@ -1,4 +1,4 @@
-"""A terminal that programs write to, and what can be read on it."""
+"""A terminal that programs write to, and what it shows."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ class Terminal:
 
     Args:
         command: The program and its arguments.
-        columns: Width.
-        environment: Of the program.
-        folder: Its working directory.
+        columns: Width in characters.
+        environment: Environment of the program.
+        folder: Working directory of the program.
     """
 
     def __init__(
@@ -39,11 +39,11 @@ class Terminal:
 
     @property
     def rows(self) -> list[str]:
-        """What stands on the screen, from the first line on."""
+        """The lines on the screen, from the first."""
         return rows(self._written.decode(errors="replace"), self.columns)
 
     def close(self) -> None:
-        """Wait for the program's end, after which nothing more is written."""
+        """Wait for the program to end, after which nothing more is written."""
         self.process.kill()
         self.process.wait()
         self._reader.join()
@@ -54,12 +54,12 @@ class Terminal:
             try:
                 piece = os.read(self._ours, 65536)
             except OSError:
-                return  # the program and all that it started have ended
+                return  # the program and all its children have ended
             self._written += piece
 
 
 def rows(text: str, columns: int) -> list[str]:
-    """Return the rows that a terminal shows after a text with returns, line feeds and erasures was written."""
+    """Return the rows that a terminal shows for a text with returns, line feeds and erasures."""
     screen, row, column = [""], 0, 0
     for piece in re.findall(r"\x1b\[[0-9;]*[A-Za-z]|.", text, re.DOTALL):
         if piece == "\r":

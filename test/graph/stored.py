@@ -1,4 +1,4 @@
-"""A small repertoire file of real evaluations, made in this process for the tests of what serves it."""
+"""A small repertoire file of real evaluations, made in this process for tests of serving."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def episodes(generation: int) -> tuple[Episode, ...]:
 
 
 def solutions(generation: int) -> Solutions:
-    """Return a generation as the archive takes it."""
+    """Return a generation in the form that the archive takes."""
     done = episodes(generation)
     return Solutions.of(
         fitness=[e.fitness for e in done],
@@ -101,7 +101,7 @@ def store(path: Path, generations: int = 2) -> Archive:
 
 @dataclass
 class Served:
-    """A stored repertoire, the node that serves it, and a node to ask it with."""
+    """A stored repertoire, the node that serves it, and a node to call it with."""
 
     path: Path
     archive: Archive
@@ -112,7 +112,7 @@ class Served:
 
 @contextmanager
 def served(folder: Path, generations: int = 2, *, grow: bool = False) -> Iterator[Served]:
-    """Serve a repertoire by an archive manager alone, in a private ROS domain."""
+    """Serve a repertoire with only an archive manager, in a private ROS domain."""
     path = folder / "repertoire.db"
     archive = store(path, generations)
     with domain_id() as domain, pytest.MonkeyPatch.context() as patch:

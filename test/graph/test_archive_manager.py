@@ -1,4 +1,4 @@
-"""The archive manager of a run: what it adds and draws, what it refuses, and files that it cannot serve."""
+"""The archive manager of a run: adding, drawing parents, refusals, and files that it cannot serve."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ ADD, SAMPLE = "archive/add", "archive/sample_parents"
 
 @pytest.fixture(scope="module")
 def growing(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
-    """An archive of one generation that waits for the second."""
+    """Serve an archive of one generation that waits for the second."""
     with served(tmp_path_factory.mktemp("growing"), generations=1, grow=True) as repertoire:
         yield repertoire
 
@@ -58,7 +58,7 @@ def sample(**changes: Any) -> dict[str, Any]:
 
 
 def listen_to_elites(repertoire: Served) -> list[Elites]:
-    """Return the list to which what is published from now on is added."""
+    """Return a list to which messages published from now on are added."""
     heard = repertoire.probe.listen(Elites, names.ELITES, qos.ELITES)
     wait_until(lambda: repertoire.probe.node.count_publishers(names.ELITES) > 0, "the topic")
     return heard
@@ -132,20 +132,18 @@ def test_a_stray_generation_is_refused_and_changes_nothing(growing: Served, case
         ({"parents_each": 3}, "parents_each is 3; expected 1 or 2"),
     ],
 )
-def test_a_draw_that_makes_no_sense_is_refused(
-    growing: Served, changes: dict[str, Any], words: str
-) -> None:
+def test_an_invalid_draw_is_refused(growing: Served, changes: dict[str, Any], words: str) -> None:
     response = growing.probe.call(SampleParents, SAMPLE, **sample(**changes))
     assert (response.accepted, words in response.message) == (False, True), response.message
 
 
-def test_parents_are_those_that_one_process_draws(growing: Served) -> None:
+def test_parents_equal_those_drawn_in_one_process(growing: Served) -> None:
     response = growing.probe.call(SampleParents, SAMPLE, **sample())
     cells = algorithm_of(SETTINGS).choose_parents(growing.archive, SETTINGS, 1, 2, 3, 2)
     assert np.array_equal(response.evaluations, growing.archive.evaluations[cells].ravel())
 
 
-def test_parents_are_published_to_who_has_missed_them(growing: Served) -> None:
+def test_parents_are_published_again_on_request(growing: Served) -> None:
     heard = listen_to_elites(growing)
     response = growing.probe.call(SampleParents, SAMPLE, **sample(publish=True))
     wait_until(lambda: bool(heard), "the parents")
@@ -154,7 +152,7 @@ def test_parents_are_published_to_who_has_missed_them(growing: Served) -> None:
     assert_elites(heard[0], growing.archive)
 
 
-def test_a_generation_becomes_what_one_process_makes_of_it(tmp_path: Path) -> None:
+def test_adding_a_generation_gives_the_same_archive_as_in_one_process(tmp_path: Path) -> None:
     with served(tmp_path, generations=1, grow=True) as growing:
         heard = listen_to_elites(growing)
         response = growing.probe.call(AddToArchive, ADD, **generation_1())
@@ -187,7 +185,7 @@ def test_the_answer_for_an_older_generation_is_repeated(tmp_path: Path) -> None:
         assert growing.probe.call(GetInfo, "repertoire/get_info").metrics.generation == 1
 
 
-def test_metrics_and_picture_follow_the_archive(tmp_path: Path) -> None:
+def test_metrics_and_pictures_are_updated_with_the_archive(tmp_path: Path) -> None:
     with served(tmp_path, generations=1, grow=True) as growing:
         metrics = growing.probe.listen(Metrics, "repertoire/metrics", qos.LATCHED)
         pictures = growing.probe.listen(Image, "repertoire/heatmap", qos.LATCHED)
@@ -200,7 +198,7 @@ def test_metrics_and_picture_follow_the_archive(tmp_path: Path) -> None:
         wait_until(lambda: maps[-1].data != first, "a new map")
 
 
-def test_a_generation_can_be_asked_for_as_soon_as_it_is_in(tmp_path: Path) -> None:
+def test_a_generation_is_served_as_soon_as_it_is_added(tmp_path: Path) -> None:
     with served(tmp_path, generations=0, grow=True) as growing:
         growing.probe.call(AddToArchive, ADD, **{**generation_1(), "generation": 0})
         answer = growing.probe.call(GetBehavior, "repertoire/get_behavior", select=2)

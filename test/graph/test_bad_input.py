@@ -45,7 +45,7 @@ class Reticent(QDHopper):
 
 
 def refusal(graph: Graph, kind: str, *arguments: str) -> str:
-    """Start a node that must refuse, and return what it says without ``error:``."""
+    """Start a node that must refuse, and return its message without ``error:``."""
     done = subprocess.run(
         [sys.executable, "-m", f"pga_me_ros.nodes.{kind}", *arguments],
         env=graph.environment,
@@ -64,7 +64,7 @@ def refusal(graph: Graph, kind: str, *arguments: str) -> str:
 
 
 def refused_run(graph: Graph, run_dir: Path, *arguments: str, **parameters: Any) -> str:
-    """Start a tiny run that must be refused; return what it says."""
+    """Start a tiny run that must be refused; return its message."""
     values: Mapping[str, Any] = tiny(**{**ONE_GENERATION, "run_dir": run_dir, **parameters})
     words = refusal(graph, "orchestrator", *ros_arguments(values), *arguments)
     assert not children(run_dir)
@@ -92,7 +92,7 @@ def make_run(run_dir: Path) -> Path:
     ],
     ids=lambda case: next(iter(case)) if isinstance(case, dict) else "",
 )
-def test_a_parameter_that_cannot_be(
+def test_an_invalid_parameter(
     graph: Graph, tmp_path: Path, parameters: dict[str, Any], words: str
 ) -> None:
     assert words in refused_run(graph, tmp_path / "run", **parameters)
@@ -110,16 +110,14 @@ def test_a_parameter_that_cannot_be(
         ("--ros-args --params-file mixed.yaml", "all of one type"),
     ],
 )
-def test_a_command_line_that_cannot_be(
-    graph: Graph, tmp_path: Path, arguments: str, words: str
-) -> None:
+def test_an_invalid_command_line(graph: Graph, tmp_path: Path, arguments: str, words: str) -> None:
     (tmp_path / "bad.yaml").write_text("a: [1\n")
     (tmp_path / "mixed.yaml").write_text("/**: {ros__parameters: {controller_hidden: [1, a]}}\n")
     assert words in refusal(graph, "evaluator", *arguments.split())
 
 
 @pytest.mark.parametrize("kind", ["archive_manager", "evaluator", "critic_trainer", "variation"])
-def test_every_other_node_refuses_a_misspelt_parameter(graph: Graph, kind: str) -> None:
+def test_every_other_node_refuses_a_misspelled_parameter(graph: Graph, kind: str) -> None:
     assert refusal(graph, kind, *ros_arguments({"tusk": "qd_ant"})).startswith(
         "Unknown parameter 'tusk'"
     )
@@ -171,7 +169,7 @@ def test_a_task_that_lacks_what_the_algorithm_needs_is_refused_before_anything_s
     assert not run_dir.exists()
 
 
-def test_a_task_that_fails_on_the_way_ends_the_run_with_its_reason(
+def test_a_task_that_fails_during_the_run_ends_the_run_with_its_reason(
     graph: Graph, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "my_robots.py").write_text(BROKEN_TASKS)
@@ -180,7 +178,7 @@ def test_a_task_that_fails_on_the_way_ends_the_run_with_its_reason(
     assert "cannot be done: internal fault: RuntimeError: lost a leg" in words
 
 
-def test_a_second_orchestrator_is_refused_by_name_or_by_directory_and_the_first_unharmed(
+def test_a_second_orchestrator_is_refused_by_name_or_by_directory_and_the_first_is_unaffected(
     graph: Graph, tmp_path: Path
 ) -> None:
     first = graph.run(tmp_path / "run", **ONE_GENERATION, serve=True)

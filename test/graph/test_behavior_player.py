@@ -1,4 +1,4 @@
-"""The player as a process, its messages held against what PyBullet says of the same episode in this process."""
+"""The player as a process; its messages are compared with PyBullet's data of the same episode in this process."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ SPEED = 2.0
 
 @dataclass
 class Truth:
-    """What PyBullet says after each step of an episode, the start included.
+    """PyBullet's data after each step of an episode, including the start.
 
     Attributes:
         joints: Position and velocity of the actuated joints.
@@ -44,7 +44,7 @@ class Truth:
 
     @classmethod
     def of(cls, parameters: np.ndarray, evaluation: int) -> Truth:
-        """Run an episode and ask PyBullet at every moment."""
+        """Run an episode and read PyBullet's data after each step."""
         task: Any = make_task("qd_walker")
         controller, truth = MlpController(SHAPE, parameters), cls()
         observation = task.reset(evaluation_rng(SETTINGS.seed, evaluation))
@@ -74,7 +74,7 @@ class Truth:
 
 @dataclass
 class Heard:
-    """What a player told, each topic in order."""
+    """Messages of a player, each topic in order."""
 
     clock: list[Clock]
     joints: list[JointState]
@@ -87,14 +87,14 @@ class Heard:
     code: int
 
     def step(self, msg: Any) -> int:
-        """Return how many steps of its episode had been done when a message was sent."""
+        """Return the number of steps of the episode before a message was sent."""
         seconds = msg.header.stamp.sec + 1e-9 * msg.header.stamp.nanosec
         return round(seconds / SPEC.control_period) % len(self.truth.joints)
 
 
 @pytest.fixture(scope="module")
 def heard(repertoire: Served) -> Heard:
-    """Listen to a player until it has played a whole episode, then interrupt it."""
+    """Record a player until it has played a whole episode, then interrupt it."""
     best = repertoire.archive.best()
     truth = Truth.of(best.parameters, best.evaluation)
     listen = repertoire.probe.listen
@@ -126,7 +126,7 @@ def heard(repertoire: Served) -> Heard:
     return heard
 
 
-def test_joint_states_are_pybullets(heard: Heard) -> None:
+def test_joint_states_equal_pybullets(heard: Heard) -> None:
     names = [name.removesuffix("/torque") for name in SPEC.action_names]
     for msg in heard.joints:
         expected = heard.truth.joints[heard.step(msg)]
@@ -135,7 +135,7 @@ def test_joint_states_are_pybullets(heard: Heard) -> None:
         assert np.abs(np.array(msg.velocity) - expected[:, 1]).max() < 1e-9
 
 
-def test_frames_lead_to_the_links_of_pybullet(heard: Heard) -> None:
+def test_frames_give_the_poses_of_pybullets_links(heard: Heard) -> None:
     centers = centers_of_mass(heard.description[0].data)
     assert set(centers) == {link for link in heard.truth.links[0] if not link.startswith("link0_")}
     for msg in heard.frames:
@@ -165,7 +165,7 @@ def test_the_clock_goes_forward_by_control_periods(heard: Heard) -> None:
     assert periods == pytest.approx(np.ones(len(periods)), abs=1e-6)
 
 
-def test_what_was_achieved_is_told_beside_what_was_promised(heard: Heard) -> None:
+def test_the_achieved_result_is_printed_next_to_the_promised_one(heard: Heard) -> None:
     line = next(line for line in heard.output.splitlines() if "episode 1:" in line)
     assert "achieved fitness" in line
     assert "promised fitness" in line
@@ -174,7 +174,7 @@ def test_what_was_achieved_is_told_beside_what_was_promised(heard: Heard) -> Non
     assert "Traceback" not in heard.output
 
 
-def test_it_ends_by_itself_and_needs_nobody_when_it_is_given_a_file(
+def test_with_a_file_it_needs_no_other_node_and_ends_by_itself(
     repertoire: Served, tmp_path: Path
 ) -> None:
     graph = Graph(repertoire.graph.domain, tmp_path)
@@ -198,7 +198,7 @@ def test_without_a_display_a_window_is_refused_in_one_line(
 
 
 def centers_of_mass(description: str) -> dict[str, Transform]:
-    """Return the center of mass of each link that has one, in its frame; the models' are not turned."""
+    """Return the center of mass of each link that has one, in its frame; the models do not rotate inertial frames."""
     found = {}
     for link in ET.fromstring(description).iter("link"):
         origin = link.find("inertial/origin")
@@ -210,7 +210,7 @@ def centers_of_mass(description: str) -> dict[str, Transform]:
 
 
 def poses_in_world(messages: list[TFMessage]) -> dict[str, Transform]:
-    """Return the pose of every frame as a listener to /tf and /tf_static works it out."""
+    """Return the pose of every frame as computed by a subscriber of /tf and /tf_static."""
     edges = {t.child_frame_id: t for msg in messages for t in msg.transforms}
 
     def pose(frame: str) -> Transform:
@@ -228,7 +228,7 @@ def pose_of(p: Any, q: Any) -> Transform:
 
 
 def distance(a: Transform, b: Transform) -> float:
-    """Return the greatest difference between the numbers of two poses; q and -q are the same rotation."""
+    """Return the largest difference between the numbers of two poses; q and -q are the same rotation."""
     apart = np.abs(np.subtract(a.position, b.position)).max()
     signs = (np.abs(np.add(a.rotation, s * np.array(b.rotation))).max() for s in (-1.0, 1.0))
     return max(apart, min(signs))

@@ -1,4 +1,4 @@
-"""Everything is killed at random moments of one run, which ends with the repertoire of an undisturbed one.
+"""Everything is killed at random moments of one run, which ends with the repertoire of an undisturbed run.
 
 `make chaos` does the same for minutes.
 """
@@ -27,27 +27,27 @@ PAIRS = [
     ("archive_manager", "variation"),
     ("evaluator_0", "evaluator_1"),
 ]
-"""What is killed together, so that one is missed while the other is being restarted."""
+"""Nodes that are killed together, so that one is missing while the other is being restarted."""
 
 
 class Moments:
-    """Random moments of a run: when so many episodes of a generation have been heard of."""
+    """Random moments of a run, defined by the number of episodes received of a generation."""
 
     def __init__(self, probe: Probe, seed: int) -> None:
         self._heard: list[Transitions] = probe.listen(
             Transitions, names.TRANSITIONS, qos.EXPERIENCE_READER
         )
         self._rng = np.random.default_rng(seed)
-        self._generation = 1  # the first with gradients comes next
+        self._generation = 1  # the next one is the first with gradients
 
     def wait_for_next(self, run: Started) -> None:
-        """Wait for a random moment of the generation after the last one waited for, or the first heard of later."""
+        """Wait for a random moment of the generation after the last one waited for, or of a later one."""
         self._generation += 1
         count = int(self._rng.integers(1, B, endpoint=True))
         self.wait_for(run, self._generation, count)
 
     def wait_for(self, run: Started, generation: int, count: int) -> None:
-        """Wait until so many episodes of a generation have been heard of, or one of a later generation."""
+        """Wait until `count` episodes of a generation have been received, or one of a later generation."""
 
         def come() -> bool:
             assert run.process.poll() is None, run.output
@@ -59,7 +59,7 @@ class Moments:
 
     @property
     def generation(self) -> int:
-        """Newest generation that an episode has been heard of."""
+        """Newest generation of which an episode was received."""
         return self._generation
 
 
@@ -69,7 +69,7 @@ def kill(run_dir: Path, name: str) -> None:
 
 
 def kill_between_storing_and_adding(run: Started, run_dir: Path, moments: Moments) -> None:
-    """Kill the whole run when the experience of a generation is stored, but the generation not in the archive."""
+    """Kill the whole run when the experience of a generation is stored but the generation is not yet in the archive."""
     generation = moments.generation + 1
     moments.wait_for(run, generation, B)
     generation = moments.generation
@@ -107,7 +107,7 @@ def test_kills_of_everything_at_random_moments_change_nothing(
 
 
 @pytest.mark.parametrize("folders", [("run", "run"), ("run", "other")], ids=["one", "two"])
-def test_of_two_runs_started_at_once_one_goes_on_and_the_other_is_refused(
+def test_if_two_runs_start_at_once_one_continues_and_the_other_is_refused(
     graph: Graph, tmp_path: Path, folders: tuple[str, str]
 ) -> None:
     runs = [graph.run(tmp_path / folder, evaluations=10) for folder in folders]

@@ -1,4 +1,4 @@
-"""Choosing among several behaviors: the k nearest, and by the means of re-evaluations."""
+"""Choosing behaviors: the k nearest, and by the means of re-evaluations."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def client(repertoire: Served) -> Iterator[RepertoireClient]:
 
 @pytest.fixture
 def rows(repertoire: Served) -> Reevaluations:
-    """Re-evaluations of half of the elites, in which the least fit does best; on disk while a test runs."""
+    """Store re-evaluations of half of the elites during a test; the least fit elite does best in them."""
     archive = repertoire.archive
     cells = archive.filled_cells()[::2]
     evaluations = np.repeat(archive.evaluations[cells], REPEATS)
@@ -59,13 +59,13 @@ def ask_many(repertoire: Served, **fields: Any) -> GetBehaviors.Response:
 
 
 def by_distance(repertoire: Served) -> list[int]:
-    """Return the filled cells, that of the elite nearest to WANTED first."""
+    """Return the filled cells, nearest to WANTED first."""
     cells = repertoire.archive.filled_cells()
     far = np.linalg.norm(repertoire.archive.descriptors[cells] - WANTED, axis=1)
     return cells[np.argsort(far, kind="stable")].tolist()
 
 
-def test_the_nearest_come_nearest_first_with_their_controllers(repertoire: Served) -> None:
+def test_the_nearest_are_returned_in_order_with_their_controllers(repertoire: Served) -> None:
     response = ask_many(repertoire, descriptor=WANTED, count=5)
     cells = [behavior.cell for behavior in response.behaviors]
     assert cells == by_distance(repertoire)[:5]
@@ -76,12 +76,12 @@ def test_the_nearest_come_nearest_first_with_their_controllers(repertoire: Serve
     assert list(response.distances) == sorted(response.distances)
 
 
-def test_controllers_may_be_left_out(repertoire: Served) -> None:
+def test_controllers_can_be_omitted(repertoire: Served) -> None:
     response = ask_many(repertoire, descriptor=WANTED, count=3, with_controllers=False)
     assert (len(response.behaviors), len(response.parameters)) == (3, 0)
 
 
-def test_limits_leave_fewer_than_asked_for(repertoire: Served) -> None:
+def test_limits_reduce_the_number_of_behaviors(repertoire: Served) -> None:
     archive = repertoire.archive
     least = float(np.nanmedian(archive.fitness))
     fit = [cell for cell in by_distance(repertoire) if archive.fitness[cell] >= least]
@@ -96,7 +96,7 @@ def test_limits_leave_fewer_than_asked_for(repertoire: Served) -> None:
     assert fit[2] == near[-1].cell
 
 
-def test_none_within_reach_is_an_answer_with_a_reason(repertoire: Served) -> None:
+def test_finding_none_within_the_limits_is_an_answer_with_a_reason(repertoire: Served) -> None:
     response = ask_many(repertoire, descriptor=[9.0, 9.0], count=3, max_distance=0.1)
     assert (response.ok, len(response.behaviors)) == (True, 0)
     assert "within 0.1 of" in response.message
@@ -112,7 +112,7 @@ def test_none_within_reach_is_an_answer_with_a_reason(repertoire: Served) -> Non
         ({"descriptor": [math.nan, 0.0]}, "must be finite"),
     ],
 )
-def test_a_request_that_makes_no_sense_is_refused(
+def test_an_invalid_request_is_refused(
     repertoire: Served, fields: dict[str, Any], words: str
 ) -> None:
     response = ask_many(repertoire, **fields)
@@ -132,13 +132,13 @@ def test_the_client_returns_controllers_that_run(
         client.get_behaviors(WANTED, 2000)
 
 
-def test_the_best_by_mean_is_another_than_the_best(repertoire: Served, rows: Reevaluations) -> None:
+def test_the_best_by_mean_differs_from_the_best(repertoire: Served, rows: Reevaluations) -> None:
     mean = rows.fitness.reshape(-1, REPEATS).mean(axis=1)
     best = ask(repertoire, select=ASK.BEST, by_mean=True).behavior
     assert best.evaluation == rows.evaluation[REPEATS * mean.argmax()]
     assert best.mean_fitness == pytest.approx(mean.max(), rel=1e-12)
     assert best.repeats == REPEATS
-    # The least fit of those re-evaluated is the one that does best on average.
+    # The least fit of those re-evaluated has the best mean.
     assert best.fitness < repertoire.archive.max_fitness
 
 
@@ -171,7 +171,7 @@ def test_the_list_by_mean_has_those_re_evaluated_and_the_best_on_average_first(
     assert listed == best_first[:3]
 
 
-def test_a_behavior_that_was_not_re_evaluated_says_so(
+def test_the_answer_for_a_behavior_without_re_evaluations_says_so(
     repertoire: Served, client: RepertoireClient, rows: Reevaluations
 ) -> None:
     cell = int(repertoire.archive.filled_cells()[1])
@@ -182,7 +182,7 @@ def test_a_behavior_that_was_not_re_evaluated_says_so(
     assert math.isnan(behavior.mean_fitness)
 
 
-def test_without_re_evaluations_there_is_nothing_to_choose_by(repertoire: Served) -> None:
+def test_without_re_evaluations_by_mean_is_refused(repertoire: Served) -> None:
     repertoire.path.with_name(FILE).unlink(missing_ok=True)
     response = ask(repertoire, select=ASK.BEST, by_mean=True)
     assert not response.found
@@ -191,7 +191,7 @@ def test_without_re_evaluations_there_is_nothing_to_choose_by(repertoire: Served
     assert (listed.ok, listed.total, listed.message) == (True, 0, response.message)
 
 
-def test_foreign_re_evaluations_keep_nothing_else_from_being_served(
+def test_foreign_re_evaluations_do_not_affect_other_requests(
     repertoire: Served, rows: Reevaluations
 ) -> None:
     replace(rows, run_id="another").save(repertoire.path)

@@ -1,4 +1,4 @@
-"""The client that robots import: how its calls wait, whoever spins its node, and how they end without an answer."""
+"""The client that robots import: how its calls wait, whoever spins the node, and how they end without an answer."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ from pga_me_ros.client import (
 )
 
 SHORT = 0.3
-"""Seconds; enough to see that nobody answers."""
+"""Seconds, enough to see that nobody answers."""
 
 
 @contextmanager
 def context_in(domain: int) -> Iterator[Context]:
-    """Join a domain; nodes of one context find at once whom another of its nodes has found."""
+    """Join a domain; nodes of one context find immediately what another of its nodes has found."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
         context = Context()
@@ -52,7 +52,7 @@ def context(repertoire: Served) -> Iterator[Context]:
 
 @pytest.fixture(scope="module")
 def nobody() -> Iterator[Context]:
-    """A ROS domain in which nobody serves anything."""
+    """Return a context in a ROS domain without services."""
     with domain_id() as domain, context_in(domain) as context:
         yield context
 
@@ -92,12 +92,12 @@ def robots() -> Iterator[Robots]:
 
 @pytest.fixture
 def client(context: Context, robots: Robots) -> RepertoireClient:
-    """A client whose node nobody spins."""
+    """Return a client whose node is not spun."""
     return RepertoireClient(robots.node(context))
 
 
 def once_in_callback(node: Node, act: Callable[[], Any]) -> None:
-    """Have a function called once by the node's executor."""
+    """Make the node's executor call a function once."""
 
     def callback() -> Any:
         timer.cancel()
@@ -111,7 +111,7 @@ def outcome(future: Future) -> Any:
     return future.result()
 
 
-def test_a_main_program_asks_through_a_node_that_nobody_spins(
+def test_a_main_program_can_call_through_a_node_that_is_not_spun(
     repertoire: Served, client: RepertoireClient
 ) -> None:
     behavior = client.get_behavior(best=True)
@@ -120,7 +120,7 @@ def test_a_main_program_asks_through_a_node_that_nobody_spins(
     assert np.array_equal(behavior.controller.parameters, elite.parameters)
 
 
-def test_a_thread_asks_while_another_spins(
+def test_a_thread_can_call_while_another_spins(
     repertoire: Served, robots: Robots, context: Context
 ) -> None:
     node = robots.node(context)
@@ -129,7 +129,7 @@ def test_a_thread_asks_while_another_spins(
     assert behavior.cell == repertoire.archive.nearest([0.9, 0.1], 1)[0][0]
 
 
-def test_threads_ask_at_once_through_a_node_that_nobody_spins(client: RepertoireClient) -> None:
+def test_threads_can_call_at_once_through_a_node_that_is_not_spun(client: RepertoireClient) -> None:
     found: list[Behavior] = []
     threads = [
         threading.Thread(target=lambda: found.append(client.get_behavior(best=True)))
@@ -150,13 +150,13 @@ def test_another_executor_may_take_the_node_over_afterwards(
     assert outcome(client.get_behavior_async(best=True)).fitness > 0.0
 
 
-def test_rclpy_spin_once_leaves_nothing_in_the_way(client: RepertoireClient) -> None:
+def test_rclpy_spin_once_does_not_interfere(client: RepertoireClient) -> None:
     executor = SingleThreadedExecutor(context=client._node.context)
     rclpy.spin_once(client._node, executor=executor, timeout_sec=0.0)
     assert client.get_behavior(best=True).fitness > 0.0
 
 
-def test_a_callback_asks_with_a_done_callback(
+def test_a_callback_can_call_with_a_done_callback(
     repertoire: Served, robots: Robots, context: Context
 ) -> None:
     node = robots.node(context)
@@ -170,7 +170,7 @@ def test_a_callback_asks_with_a_done_callback(
     assert answers[0].result().cell == repertoire.archive.best().cell
 
 
-def test_a_coroutine_awaits(repertoire: Served, robots: Robots, context: Context) -> None:
+def test_a_coroutine_can_await(repertoire: Served, robots: Robots, context: Context) -> None:
     node = robots.node(context)
     client = RepertoireClient(node)
     executor = SingleThreadedExecutor(context=node.context)
@@ -182,7 +182,7 @@ def test_a_coroutine_awaits(repertoire: Served, robots: Robots, context: Context
     assert outcome(executor.create_task(ask)) == repertoire.archive.best().cell
 
 
-def test_blocking_in_a_callback_is_an_error_and_no_deadlock(
+def test_blocking_in_a_callback_is_an_error_not_a_deadlock(
     repertoire: Served, robots: Robots, context: Context
 ) -> None:
     node = robots.node(context)
@@ -200,7 +200,7 @@ def test_blocking_in_a_callback_is_an_error_and_no_deadlock(
     assert "ends in _async" in errors[0]
 
 
-def test_blocking_in_a_callback_of_several_threads_works(
+def test_blocking_in_a_callback_works_with_a_multithreaded_executor(
     repertoire: Served, robots: Robots, context: Context
 ) -> None:
     node = robots.node(context)
@@ -212,21 +212,21 @@ def test_blocking_in_a_callback_of_several_threads_works(
     assert found[0].cell == repertoire.archive.best().cell
 
 
-def test_no_service_is_told_with_its_name(nobody: Context, robots: Robots) -> None:
+def test_a_missing_service_is_reported_by_name(nobody: Context, robots: Robots) -> None:
     client = RepertoireClient(robots.node(nobody), timeout=SHORT)
     words = r"Service /repertoire/get_behavior was not there within 0\.3 s"
     with pytest.raises(RepertoireTimeoutError, match=words):
         client.get_behavior(best=True)
 
 
-def test_no_service_ends_a_future_too(nobody: Context, robots: Robots) -> None:
+def test_a_missing_service_ends_a_future_too(nobody: Context, robots: Robots) -> None:
     node = robots.node(nobody)
     robots.spin(node)
     with pytest.raises(RepertoireTimeoutError, match="/repertoire/get_info was not there"):
         outcome(RepertoireClient(node).get_info_async(timeout=SHORT))
 
 
-def test_a_done_callback_may_ask_again(nobody: Context, robots: Robots) -> None:
+def test_a_done_callback_may_call_again(nobody: Context, robots: Robots) -> None:
     node = robots.node(nobody)
     client = RepertoireClient(node, timeout=SHORT)
     ended: list[Future] = []
@@ -242,7 +242,7 @@ def test_a_done_callback_may_ask_again(nobody: Context, robots: Robots) -> None:
     assert all(isinstance(future.exception(), RepertoireTimeoutError) for future in ended)
 
 
-def test_a_service_that_comes_later_is_waited_for(
+def test_the_client_waits_for_a_service_that_starts_later(
     nobody: Context, robots: Robots, repertoire: Served, tmp_path: Path
 ) -> None:
     client = RepertoireClient(robots.node(nobody), prefix="/late", timeout=60.0)
@@ -254,7 +254,9 @@ def test_a_service_that_comes_later_is_waited_for(
         graph.kill()
 
 
-def test_a_service_that_hangs_is_told_apart(repertoire: Served, client: RepertoireClient) -> None:
+def test_the_error_for_a_hanging_service_differs(
+    repertoire: Served, client: RepertoireClient
+) -> None:
     client.get_info()
     repertoire.manager.signal(signal.SIGSTOP)
     try:
@@ -265,7 +267,7 @@ def test_a_service_that_hangs_is_told_apart(repertoire: Served, client: Repertoi
     assert client.get_behavior(best=True).fitness > 0.0
 
 
-def test_a_busy_robot_hears_its_answer_after_those_to_many_others(
+def test_a_busy_robot_gets_its_answer_after_many_answers_to_others(
     repertoire: Served, client: RepertoireClient, robots: Robots
 ) -> None:
     client.get_info()
@@ -279,7 +281,7 @@ def test_a_busy_robot_hears_its_answer_after_those_to_many_others(
     assert answer.result().cell == repertoire.archive.best().cell
 
 
-def test_a_crowd_that_asks_while_the_server_is_busy_gets_all_its_answers(
+def test_many_requests_to_a_busy_server_are_all_answered(
     repertoire: Served, context: Context, robots: Robots
 ) -> None:
     crowd = [RepertoireClient(robots.node(context)) for _ in range(3)]
@@ -294,14 +296,14 @@ def test_a_crowd_that_asks_while_the_server_is_busy_gets_all_its_answers(
     assert [a.exception() for a in answers] == [None] * len(answers)
 
 
-def test_an_executor_that_does_not_spin_is_told_apart(client: RepertoireClient) -> None:
+def test_the_error_for_an_executor_that_does_not_spin_differs(client: RepertoireClient) -> None:
     executor = SingleThreadedExecutor(context=client._node.context)
     executor.add_node(client._node)
     with pytest.raises(RepertoireTimeoutError, match="executor of node 'robot' took no answer"):
         client.get_behavior(best=True, timeout=SHORT)
 
 
-def test_a_page_can_be_asked_for_in_a_callback(client: RepertoireClient, robots: Robots) -> None:
+def test_a_page_can_be_requested_in_a_callback(client: RepertoireClient, robots: Robots) -> None:
     robots.spin(client._node)
     total, page = outcome(client.list_behaviors_async(2, 3))
     assert (total, len(page)) == (16, 3)

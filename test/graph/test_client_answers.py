@@ -1,4 +1,4 @@
-"""The client that robots import: what its answers hold, what it refuses, and the example that uses it."""
+"""The client that robots import: its answers, what it refuses, and the example that uses it."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ def client(repertoire: Served) -> RepertoireClient:
     return RepertoireClient(repertoire.probe.node)
 
 
-def test_what_is_not_found_comes_with_the_reason(client: RepertoireClient) -> None:
+def test_not_found_errors_have_a_reason(client: RepertoireClient) -> None:
     with pytest.raises(BehaviorNotFoundError, match=r"No behavior has a fitness of 1000000\.0"):
         client.get_behavior(descriptor=[0.5, 0.5], min_fitness=1e6)
 
 
-def test_a_descriptor_of_the_wrong_length_is_told(client: RepertoireClient) -> None:
+def test_a_descriptor_of_the_wrong_length_is_reported(client: RepertoireClient) -> None:
     with pytest.raises(BehaviorNotFoundError, match="has 3 entries; this repertoire's has 2"):
         client.get_behavior(descriptor=[0.5, 0.5, 0.5])
 
@@ -44,7 +44,7 @@ def test_a_descriptor_of_the_wrong_length_is_told(client: RepertoireClient) -> N
         ({"best": True, "timeout": 0.0}, "timeout is 0.0"),
     ],
 )
-def test_arguments_that_make_no_sense_are_refused_at_once(
+def test_invalid_arguments_are_refused_at_once(
     client: RepertoireClient, wanted: dict[str, Any], words: str
 ) -> None:
     with pytest.raises(RequestError, match=words):
@@ -62,7 +62,7 @@ def test_a_page_that_is_too_long_is_refused(client: RepertoireClient) -> None:
         list(client.list_behaviors(page=10_001))
 
 
-def test_info_tells_what_the_descriptor_means(client: RepertoireClient) -> None:
+def test_info_describes_the_descriptor(client: RepertoireClient) -> None:
     info = client.get_info()
     assert (info.task, info.settings["seed"], info.coverage, info.evaluations) == (
         "qd_walker",

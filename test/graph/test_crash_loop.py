@@ -1,4 +1,4 @@
-"""A node that dies or fails again and again ends the run with its reason; nothing that was committed is lost."""
+"""A node that dies or fails repeatedly ends the run with its reason; nothing that was committed is lost."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def robots(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PYTHONPATH", str(tmp_path), prepend=os.pathsep)
 
 
-def test_an_evaluator_that_dies_again_and_again_ends_the_run_which_resumes_when_it_is_mended(
+def test_an_evaluator_that_dies_repeatedly_ends_the_run_which_resumes_after_a_repair(
     graph: Graph, tmp_path: Path
 ) -> None:
     run_dir = tmp_path / "run"

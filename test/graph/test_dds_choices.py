@@ -1,4 +1,4 @@
-"""Transports that the user chooses are those that our nodes use; two users of one machine need UDP between them."""
+"""Our nodes use the transports that the user chooses; two users of one machine need UDP between them."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from stored import store
 
 TRANSPORTS = "FASTDDS_BUILTIN_TRANSPORTS"
 NOBODY = 65534
-"""User id without rights of its own."""
+"""User id without permissions."""
 
 ASK = """
 import sys
@@ -33,7 +33,7 @@ except ValueError as error:
     print(error)
 rclpy.shutdown()
 """
-"""A robot's node, which takes part as all our programs do."""
+"""A robot's node, which joins the graph like all our programs."""
 
 PROFILE = """<?xml version="1.0" encoding="UTF-8" ?>
 <profiles xmlns="http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles">
@@ -45,7 +45,7 @@ PROFILE = """<?xml version="1.0" encoding="UTF-8" ?>
 
 
 class ChosenGraph(Graph):
-    """Nodes whose environment has more variables, and that may belong to another user."""
+    """Nodes with further environment variables, which may belong to another user."""
 
     chosen: dict[str, str]
     user: tuple[str, ...] = ()
@@ -69,7 +69,7 @@ def repertoire(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def user(tmp_path: Path) -> Iterator[Callable[..., ChosenGraph]]:
-    """Make users of one domain, each with an environment and a user id."""
+    """Return a function that makes users of one domain, each with an environment and a user id."""
     made: list[ChosenGraph] = []
     with domain_id() as domain:
 
@@ -79,7 +79,7 @@ def user(tmp_path: Path) -> Iterator[Callable[..., ChosenGraph]]:
             graph = ChosenGraph(domain, folder)
             graph.chosen, graph.user = chosen, as_user
             if as_user:
-                # All may pass, so that the other user reaches the folder, however deep it lies.
+                # Anybody may pass through, so that the other user can access the folder however deep it is.
                 for path in (folder, *folder.parents):
                     if path.stat().st_mode & 0o011 != 0o011:
                         path.chmod(path.stat().st_mode | 0o011)
@@ -109,7 +109,7 @@ def serve(graph: ChosenGraph, repertoire: Path) -> int:
 
 
 def ask(graph: ChosenGraph, timeout: float = 40.0) -> str:
-    """Ask what is served, from a process of its own, and return what came of it."""
+    """Request the repertoire's info in a separate process, and return its output."""
     robot = graph.launch([sys.executable, "-c", ASK, str(timeout)])
     assert robot.wait() == 0, robot.output
     return robot.output
@@ -122,7 +122,7 @@ def segments(pid: int) -> set[str]:
 
 
 def sockets(pid: int, kind: str) -> set[str]:
-    """Return the local addresses of a process's sockets: ``udp``, or ``tcp`` that listen."""
+    """Return the local addresses of a process's ``udp`` sockets or listening ``tcp`` sockets."""
     links = [os.readlink(fd) for fd in Path(f"/proc/{pid}/fd").iterdir() if fd.is_symlink()]
     inodes = {link[8:-1] for link in links if link.startswith("socket:[")}
     rows = [row.split() for row in Path(f"/proc/{pid}/net/{kind}").read_text().splitlines()[1:]]
@@ -147,7 +147,7 @@ def test_nodes_use_the_transports_that_the_user_chooses(
 
 
 @pytest.mark.parametrize("where", ["variable", "folder", "environment_file"])
-def test_transports_in_a_file_of_the_users_count_too(
+def test_transports_in_a_file_of_the_user_count_too(
     user: Callable[..., ChosenGraph], repertoire: Path, where: str
 ) -> None:
     graph = user()
@@ -163,7 +163,7 @@ def test_transports_in_a_file_of_the_users_count_too(
     assert not segments(pid)
 
 
-def test_the_older_way_to_keep_to_this_machine_counts(
+def test_the_older_way_to_stay_on_this_machine_counts(
     user: Callable[..., ChosenGraph], repertoire: Path
 ) -> None:
     graph = user(ROS_LOCALHOST_ONLY="1")
@@ -173,19 +173,19 @@ def test_the_older_way_to_keep_to_this_machine_counts(
 
 @pytest.fixture
 def another_user(tmp_path: Path) -> tuple[str, ...]:
-    """Command that has another user run a program, though it may read ours wherever they lie."""
+    """Return a command prefix that runs a program as another user, who may read our files wherever they are."""
     if os.geteuid() != 0 or shutil.which("setpriv") is None:
-        pytest.skip("acting as another user takes root and setpriv")
+        pytest.skip("acting as another user needs root and setpriv")
     command = ("setpriv", f"--reuid={NOBODY}", f"--regid={NOBODY}", "--clear-groups")
     command += ("--inh-caps=+dac_read_search", "--ambient-caps=+dac_read_search")
     tried = subprocess.run([*command, sys.executable, "-c", ""], capture_output=True, text=True)
     if tried.returncode:
-        pytest.skip(f"this machine lets root not act as another user: {tried.stderr.strip()}")
+        pytest.skip(f"root may not act as another user on this machine: {tried.stderr.strip()}")
     return command
 
 
 @pytest.mark.parametrize("side", ["server", "robot"])
-def test_two_users_reach_each_other_by_udp_that_one_of_them_chooses(
+def test_two_users_reach_each_other_by_udp_if_one_of_them_chooses_it(
     user: Callable[..., ChosenGraph], another_user: tuple[str, ...], repertoire: Path, side: str
 ) -> None:
     udp = {TRANSPORTS: "UDPv4"}
@@ -193,7 +193,7 @@ def test_two_users_reach_each_other_by_udp_that_one_of_them_chooses(
     assert ask(user(**udp if side == "robot" else {})) == "answer: qd_walker\n"
 
 
-def test_a_robot_that_asks_another_users_node_in_vain_is_told_what_to_do(
+def test_the_error_for_an_unreachable_node_of_another_user_says_what_to_do(
     user: Callable[..., ChosenGraph], another_user: tuple[str, ...], repertoire: Path
 ) -> None:
     serve(user(another_user), repertoire)

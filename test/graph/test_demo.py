@@ -1,4 +1,4 @@
-"""What ``make run`` does after the set-up: grow, ask from another process, run, compare."""
+"""What ``make run`` does after the setup: grow, request from another process, run, compare."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ CONFIG = Path(__file__).resolve().parents[2] / "config" / "qd_walker.yaml"
 
 
 def demonstrate(graph: Graph, run_dir: Path, *more: str, **parameters: Any) -> Started:
-    """Start the demonstration of a tiny run; it chooses itself whether the orchestrator goes on serving."""
+    """Start the demonstration of a tiny run; it decides whether the orchestrator keeps serving."""
     values = {**TINY, "run_dir": run_dir, **parameters}
     words = ["--params-file", str(CONFIG), *ros_arguments(values)[1:], *more]
     return graph.launch([sys.executable, "-m", "pga_me_ros.demo", *words])
 
 
 def processes_of(run_dir: Path) -> list[str]:
-    """Return the command lines of living processes that work for a run."""
+    """Return the command lines of a run's living processes."""
     found = []
     for path in Path("/proc").glob("[0-9]*/cmdline"):
         try:
             line = path.read_bytes().replace(b"\0", b" ").decode(errors="replace")
-        except OSError:  # it ended while we looked
+        except OSError:  # it has ended
             continue
         if str(run_dir) in line:
             found.append(line)
@@ -74,14 +74,14 @@ def test_a_robot_in_another_process_gets_what_was_promised(twice: Twice) -> None
 
 
 @pytest.mark.slow
-def test_the_second_time_the_repertoire_is_there(twice: Twice) -> None:
+def test_the_second_time_the_repertoire_exists(twice: Twice) -> None:
     assert twice.codes[1] == 0, twice.outputs[1]
     assert "has already reached its budget" in twice.outputs[1]
     assert twice.outputs[1].count("equal") == 2
 
 
 @pytest.mark.slow
-def test_nobody_is_left_behind(twice: Twice) -> None:
+def test_no_process_is_left_behind(twice: Twice) -> None:
     assert not processes_of(twice.run_dir)
 
 
@@ -97,7 +97,7 @@ def test_ctrl_c_ends_it_with_all_its_processes(graph: Graph, tmp_path: Path) -> 
 
 
 @pytest.mark.slow
-def test_nobody_survives_a_killed_demonstration(graph: Graph, tmp_path: Path) -> None:
+def test_no_process_survives_a_killed_demonstration(graph: Graph, tmp_path: Path) -> None:
     run_dir = tmp_path / "run"
     demo = demonstrate(graph, run_dir, evaluations=100_000)
     demo.wait_for_output("evaluations 10/")
@@ -107,7 +107,7 @@ def test_nobody_survives_a_killed_demonstration(graph: Graph, tmp_path: Path) ->
     wait_until(lambda: not processes_of(run_dir), "the end of all processes", 20.0)
 
 
-def test_a_misspelt_task_gives_one_line_with_the_names_there_are(graph: Graph) -> None:
+def test_a_misspelled_task_gives_one_line_with_the_nearest_name(graph: Graph) -> None:
     words = ["--params-file", "config/qd_wlker.yaml"]
     demo = graph.launch([sys.executable, "-m", "pga_me_ros.demo", *words])
     assert demo.wait() == 2
@@ -115,7 +115,7 @@ def test_a_misspelt_task_gives_one_line_with_the_names_there_are(graph: Graph) -
     assert "no params file 'config/qd_wlker.yaml' (did you mean 'qd_walker'?)" in line
 
 
-def test_the_budget_stands_behind_the_file_and_before_what_the_user_gives() -> None:
+def test_the_budget_overrides_the_file_and_is_overridden_by_the_user() -> None:
     words = ["--params-file", str(CONFIG), "-p", "evaluations:=7", "-p", "seed:=1"]
     arguments = Arguments.parse(words).orchestrator
     assert arguments[1:3] == words[:2]
@@ -138,13 +138,15 @@ def test_configurations_are_found_from_any_folder(
     assert find_config("config/qd_walker.yaml").samefile(CONFIG)
 
 
-def test_a_file_of_ones_own_comes_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_users_own_file_takes_precedence(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     own = tmp_path / "qd_walker.yaml"
     own.write_text("/**: {ros__parameters: {seed: 1}}\n")
     assert find_config("qd_walker.yaml").resolve() == own
 
 
-def test_a_full_path_that_is_not_there_is_not_replaced(tmp_path: Path) -> None:
+def test_a_full_path_that_does_not_exist_is_not_replaced(tmp_path: Path) -> None:
     with pytest.raises(SettingsError, match="no params file"):
         find_config(str(tmp_path / "qd_walker.yaml"))

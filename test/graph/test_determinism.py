@@ -1,4 +1,4 @@
-"""One repertoire, bit for bit, however the work was spread."""
+"""One repertoire, bit for bit, however the work was distributed."""
 
 from __future__ import annotations
 

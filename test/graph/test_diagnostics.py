@@ -19,14 +19,14 @@ from pga_me_ros.core.storage.repertoire import Repertoire
 from pga_me_ros.ros import qos
 
 SOME_SECONDS = {"evaluations": 150, "n_crit": 200}
-"""So that every node is heard while it works."""
+"""Long enough to hear every node while it works."""
 
 NODES = {"orchestrator", "archive_manager", "critic_trainer", "variation", "evaluator_0"}
 VALUES = {"rate (1/s)", "done", "queue", "refused", "last error", "memory RSS (MiB)", "host", "pid"}
 
 
 class Watched:
-    """A run that has finished and is served, and all that was heard in /diagnostics meanwhile."""
+    """A finished run that is being served, and everything received on /diagnostics."""
 
     def __init__(self, folder: Path, graph: Graph, probe: Probe) -> None:
         self.run_dir = folder / "run"
@@ -40,7 +40,7 @@ class Watched:
             self.run_id = repertoire.info.run_id
 
     def entries(self, name: str) -> list[DiagnosticStatus]:
-        """Return what was told about a node, the newest last."""
+        """Return the entries about a node, newest last."""
         return [s for msg in list(self.heard) for s in msg.status if s.name == f"/{name}"]
 
 
@@ -62,7 +62,7 @@ def values(status: DiagnosticStatus) -> dict[str, str]:
 
 
 @pytest.mark.parametrize("name", sorted(NODES))
-def test_every_node_tells_how_it_is(watched: Watched, name: str) -> None:
+def test_every_node_reports_its_health(watched: Watched, name: str) -> None:
     newest = watched.entries(name)[-1]
     assert newest.level == DiagnosticStatus.OK, newest.message
     assert newest.hardware_id == watched.run_id
@@ -70,7 +70,7 @@ def test_every_node_tells_how_it_is(watched: Watched, name: str) -> None:
     assert float(values(newest)["memory RSS (MiB)"]) > 10
 
 
-def test_the_orchestrator_tells_how_the_run_is(watched: Watched) -> None:
+def test_the_orchestrator_reports_the_health_of_the_run(watched: Watched) -> None:
     wait_until(
         lambda: values(watched.entries("orchestrator")[-1])["state"] == "finished", "the end"
     )
@@ -88,7 +88,7 @@ def test_a_refusal_shows_as_a_warning(watched: Watched) -> None:
     assert (values(newest)["refused"], values(newest)["last error"]) == ("1", newest.message)
 
 
-def test_a_node_that_falls_silent_is_stale_until_it_is_heard_again(watched: Watched) -> None:
+def test_a_node_that_goes_silent_is_stale_until_it_is_heard_again(watched: Watched) -> None:
     def stale() -> bool:
         return watched.entries("archive_manager")[-1].level == DiagnosticStatus.STALE
 
@@ -113,6 +113,6 @@ def test_the_table_of_metrics_grows_with_the_run(watched: Watched) -> None:
     assert [row.partition(",")[0] for row in rows] == ["generation", *map(str, range(15))]
 
 
-def test_the_last_line_sums_up(watched: Watched) -> None:
+def test_the_last_line_is_a_summary(watched: Watched) -> None:
     line = next(line for line in watched.run.output.splitlines() if line.startswith("finished: "))
     assert re.search(r"\(0 restarts, \d+ re-evaluations, 0 refused requests\)", line), line

@@ -1,4 +1,4 @@
-"""Evaluators that come and go during a run, and several of one name."""
+"""Evaluators that come and go during a run, and several with the same name."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ WALKER = {"task": "qd_walker"}
 
 @pytest.fixture
 def signs(probe: Probe) -> list[Any]:
-    """Signs of life of all nodes."""
+    """Return a list of all nodes' heartbeats."""
     return probe.listen(NodeStatus, names.STATUS, qos.STATUS)
 
 
 def wait_for_work(signs: list[Any], evaluator: Started, since: int = 0) -> None:
-    """Wait until the heartbeats, from one on, tell that an evaluator has done something."""
+    """Wait until heartbeats, from index `since`, show that an evaluator has done some work."""
 
     def has_worked() -> bool:
         done = {s.done for s in signs[since:] if s.pid == evaluator.process.pid}
@@ -32,7 +32,7 @@ def wait_for_work(signs: list[Any], evaluator: Started, since: int = 0) -> None:
     wait_until(has_worked, "work of an evaluator that joined")
 
 
-def test_evaluators_join_and_leave_in_every_manner(
+def test_evaluators_join_and_leave_in_every_way(
     graph: Graph, signs: list[Any], tmp_path: Path
 ) -> None:
     run_dir = tmp_path / "run"
@@ -58,9 +58,7 @@ def test_evaluators_join_and_leave_in_every_manner(
     assert run_digest(run_dir) == search_digest(evaluations=evaluations_of(run_dir))
 
 
-def test_an_evaluator_leaves_its_name_to_one_that_was_there_before(
-    graph: Graph, signs: list[Any]
-) -> None:
+def test_an_evaluator_leaves_its_name_to_an_older_one(graph: Graph, signs: list[Any]) -> None:
     arguments = ("evaluator", WALKER, "-r", "__node:=mine")
     first = graph.start(*arguments)
     wait_until(lambda: any(s.node == "/mine" for s in signs), "the first one's heartbeat")
@@ -75,10 +73,10 @@ def test_an_evaluator_leaves_its_name_to_one_that_was_there_before(
     assert first.process.poll() is None
 
 
-def test_a_run_does_not_start_where_its_evaluators_names_are_taken(
+def test_a_run_does_not_start_if_its_evaluators_names_are_taken(
     graph: Graph, signs: list[Any], tmp_path: Path
 ) -> None:
-    """Else requests of the run would also reach the namesake, and be refused by one of another task."""
+    """Otherwise, requests of the run would also reach the namesake, and be refused if it has another task."""
     before = graph.start("evaluator", {"task": "qd_hopper"}, "-r", "__node:=evaluator_0")
     wait_until(lambda: any(s.node == "/evaluator_0" for s in signs), "a stranger of that name")
     run = graph.run(tmp_path / "run")

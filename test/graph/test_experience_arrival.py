@@ -36,7 +36,7 @@ SETTINGS = Settings(
     critic_hidden=(16, 16),
     cells=64,
 )
-"""Settings of the trainer that the tests talk to themselves."""
+"""Settings of the trainer that the tests call themselves."""
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +48,7 @@ def walker() -> Iterator[Task]:
 
 @pytest.fixture(scope="module")
 def episodes(walker: Task) -> list[Episode]:
-    """The first generation's episodes, as an evaluator must simulate them."""
+    """Return the first generation's episodes, as an evaluator must simulate them."""
     shape = controller_shape(walker.spec, SETTINGS)
     parameters = random_controllers(SETTINGS, shape, 0, 0, SETTINGS.batch_size)
     return [
@@ -57,7 +57,7 @@ def episodes(walker: Task) -> list[Episode]:
     ]
 
 
-def test_a_foreign_subscriber_reads_what_happened(
+def test_a_foreign_subscriber_receives_the_experience(
     graph: Graph, probe: Probe, walker: Task, episodes: list[Episode]
 ) -> None:
     heard = probe.listen(Transitions, names.TRANSITIONS, qos.EXPERIENCE_READER)
@@ -121,7 +121,7 @@ def test_the_trainer_names_missing_episodes_and_drops_duplicates(
     wait_until(lambda: writer.get_subscription_count() > 0, "the trainer's subscription")
     for k in (9, 0, 3, 4, 5, 6, 7, 8):
         publish(k, episodes[k])
-    publish(0, episodes[1])  # comes too late to count
+    publish(0, episodes[1])  # too late to count
     publish(1, episodes[1], "another run")
     wait_until(lambda: list(store().missing) == [1, 2], "all but two")
     publish(2, episodes[2])
@@ -147,7 +147,7 @@ def test_a_trainer_that_stalls_misses_nothing(graph: Graph, probe: Probe, tmp_pa
     assert run_digest(run_dir) == search_digest(**parameters)
 
 
-def test_a_trainer_that_joins_late_gets_what_it_missed(
+def test_a_trainer_that_joins_late_gets_the_experience_it_missed(
     graph: Graph, probe: Probe, tmp_path: Path
 ) -> None:
     heard = probe.listen(Progress, names.PROGRESS, qos.LATCHED)
@@ -160,8 +160,8 @@ def test_a_trainer_that_joins_late_gets_what_it_missed(
     def published(generation: int) -> set[int]:
         return {msg.evaluation for msg in episodes if msg.generation == generation}
 
-    # The trainer forgets what has arrived of a generation that is under way. It has trained for it: the places from 50
-    # on are those of PG offspring.
+    # A restarted trainer forgets what has arrived of the current generation. It has trained for it: places from 50 are
+    # those of PG offspring.
     wait_until(lambda: max(published(1), default=0) >= 150, "PG offspring of the second generation")
     kill_child(run_dir, "critic_trainer")
     late = children(run_dir)["critic_trainer"]
@@ -174,7 +174,7 @@ def test_a_trainer_that_joins_late_gets_what_it_missed(
 
 
 @pytest.mark.parametrize("system", [{}, {"algorithm": "td3"}], ids=["pga", "td3"])
-def test_episodes_that_a_bad_link_loses_are_fetched_again_and_doubles_dropped(
+def test_episodes_lost_on_a_bad_link_are_repeated_and_duplicates_dropped(
     graph: Graph, probe: Probe, tmp_path: Path, system: dict[str, object]
 ) -> None:
     heard = probe.listen(Progress, names.PROGRESS, qos.LATCHED)
@@ -201,7 +201,7 @@ def test_episodes_that_a_bad_link_loses_are_fetched_again_and_doubles_dropped(
     assert run_digest(run_dir) == search_digest(**parameters)
 
 
-def test_an_evaluator_of_another_task_is_not_used_and_named_once(
+def test_an_evaluator_of_another_task_is_not_used_and_reported_once(
     graph: Graph, probe: Probe, tmp_path: Path
 ) -> None:
     signs = probe.listen(NodeStatus, names.STATUS, qos.STATUS)
@@ -213,7 +213,7 @@ def test_an_evaluator_of_another_task_is_not_used_and_named_once(
     assert not any(s.done for s in signs if s.pid == foreign.process.pid)
 
 
-def test_evaluators_started_by_hand_have_names_of_their_own(graph: Graph, probe: Probe) -> None:
+def test_evaluators_started_by_hand_have_unique_names(graph: Graph, probe: Probe) -> None:
     signs = probe.listen(NodeStatus, names.STATUS, qos.STATUS)
     for _ in range(2):
         graph.start("evaluator", {"task": "qd_hopper"})

@@ -1,4 +1,4 @@
-"""A tiny experiment with real runs: stopped, gone on with, and one of its runs cannot start."""
+"""A tiny experiment with real runs: stopped and resumed, with a run that cannot start."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from pga_me_ros.core.storage.repertoire import Repertoire
 
 SETTINGS = {name: value for name, value in TINY.items() if name not in ("evaluators", "serve")}
 ALGORITHMS = {"half": 5, "ga": 10}
-"""Systems of the experiment by their n_evo: with 10 of 10 offspring, genetic variation is all."""
+"""Systems of the experiment by their n_evo: 10 of 10 offspring means only genetic variation."""
 
 TASK = "qd_hopper"
 BUDGET = 30
 PATIENCE = 240.0
-"""Seconds that a run may take on a machine that has much else to do."""
+"""Maximum seconds of a run on a busy machine."""
 
 
 @pytest.fixture
 def experiment(tmp_path: Path) -> Path:
-    """An experiment file; its third system cannot start."""
+    """Return an experiment file whose third system cannot start."""
     shared = {n: v for n, v in SETTINGS.items() if n not in ("n_evo", "evaluations")}
     systems = {name: {"n_evo": n_evo} for name, n_evo in ALGORITHMS.items()}
     systems["lost"] = {"start_from": "nowhere", "n_evo": 5}
@@ -42,7 +42,7 @@ def start(graph: Graph, file: Path) -> Started:
     return graph.launch([sys.executable, "-m", "pga_me_ros.experiment", str(file), "--jobs", "1"])
 
 
-def test_an_experiment_goes_on_where_it_was_stopped_and_past_what_fails(
+def test_an_experiment_resumes_where_it_was_stopped_and_continues_after_a_failure(
     graph: Graph, experiment: Path
 ) -> None:
     folder = graph.folder / "experiments" / "tiny"

@@ -1,4 +1,4 @@
-"""Subscribers that the run does not know, and that do not read: `ros2 topic echo`, a recorder, one that hangs."""
+"""Foreign subscribers that do not read, such as a suspended `ros2 topic echo` or a recorder that hangs."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ OBSERVER = Path(__file__).with_name("observer.py")
 TASK = "_talkative:TalkativeTask"
 SHAPE = MlpShape((100, 4, 2))
 EPISODE_BYTES = 4 * 200 * 100
-"""Bytes of the observations in an episode of that task."""
+"""Size of the observations in an episode of that task, in bytes."""
 
 CHUNK = 50
 HISTORY = qos.EXPERIENCE_WRITER.depth
@@ -31,7 +31,7 @@ HISTORY = qos.EXPERIENCE_WRITER.depth
 
 @pytest.fixture
 def hung(graph: Graph) -> Started:
-    """A subscriber of experience and status that will be stopped once it has heard something."""
+    """Return a subscriber of experience and status, to be suspended when it has received something."""
     return graph.launch([sys.executable, str(OBSERVER)])
 
 
@@ -40,7 +40,7 @@ def hang(subscriber: Started) -> None:
     subscriber.signal(signal.SIGSTOP)
 
 
-def test_a_run_takes_no_notice_of_a_subscriber_that_hangs(
+def test_a_run_is_not_affected_by_a_subscriber_that_hangs(
     graph: Graph, probe: Probe, hung: Started, tmp_path: Path
 ) -> None:
     heard = probe.listen(Progress, names.PROGRESS, qos.LATCHED)
@@ -53,7 +53,7 @@ def test_a_run_takes_no_notice_of_a_subscriber_that_hangs(
 
 
 def memory(process: Started) -> int:
-    """Return the bytes of memory that a process holds."""
+    """Return the memory of a process in bytes."""
     status = Path(f"/proc/{process.process.pid}/status").read_text()
     found = re.search(r"VmRSS:\s+(\d+) kB", status)
     assert found
@@ -61,7 +61,7 @@ def memory(process: Started) -> int:
 
 
 class Driver:
-    """Has an evaluator simulate one chunk after the other."""
+    """Has an evaluator simulate one chunk after another."""
 
     def __init__(self, probe: Probe) -> None:
         self._probe = probe
@@ -75,7 +75,7 @@ class Driver:
         self.asked = 0
 
     def evaluate(self, episodes: int) -> float:
-        """Return the least seconds that a chunk took: other processes' share of the cores is not in it."""
+        """Return the shortest time of a chunk in seconds, which excludes other processes' use of the cores."""
         return min(self._chunk() for _ in range(episodes // CHUNK))
 
     def _chunk(self) -> float:

@@ -1,4 +1,4 @@
-"""A disk that is full in the middle of a run: one clear line, nothing lost, and on it goes once there is room."""
+"""A disk that becomes full during a run: one clear line, nothing lost, and the run resumes when there is space."""
 
 from __future__ import annotations
 
@@ -23,40 +23,40 @@ ERROR = 2
 
 
 class LimitedFiles:
-    """No child of a run may write beyond the first byte of any file, as under a used-up quota."""
+    """A limit that keeps a run's children from writing beyond the first byte of any file, like an exhausted quota."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
 
     def fill(self, run: Started) -> None:
-        """Forbid it to the processes that there are now."""
+        """Set the limit for the present processes."""
         for pid in children(self.folder / "run").values():
             resource.prlimit(pid, resource.RLIMIT_FSIZE, (1, resource.RLIM_INFINITY))
 
     def make_room(self) -> None:
-        """Nothing to do: processes that start now are not limited."""
+        """Do nothing: new processes are not limited."""
 
 
 class SmallDisk:
-    """A file system of some megabytes."""
+    """A file system of a few megabytes."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
 
     def fill(self, run: Started) -> None:
-        """Use up all that is left of it."""
+        """Use up all free space."""
         with contextlib.suppress(OSError), (self.folder / "filling").open("wb", 0) as file:
             while True:
                 file.write(bytes(4096))
 
     def make_room(self) -> None:
-        """Delete what filled it."""
+        """Delete the file that fills it."""
         (self.folder / "filling").unlink()
 
 
 @pytest.fixture
 def disk(tmp_path: Path) -> Iterator[LimitedFiles | SmallDisk]:
-    """A disk that can be filled: a real one where one may be mounted, else a limit of the kernel."""
+    """Return a disk that can be filled: a real one if mounting is allowed, else a limit of the kernel."""
     folder = tmp_path / "disk"
     folder.mkdir()
     command = ["mount", "-t", "tmpfs", "-o", "size=24m", "tmpfs", str(folder)]
@@ -70,7 +70,7 @@ def disk(tmp_path: Path) -> Iterator[LimitedFiles | SmallDisk]:
         subprocess.run(["umount", "--lazy", str(folder)], check=True)
 
 
-def test_a_full_disk_ends_the_run_and_room_lets_it_go_on(
+def test_a_full_disk_ends_the_run_which_resumes_when_there_is_space(
     graph: Graph, disk: LimitedFiles | SmallDisk
 ) -> None:
     run_dir = disk.folder / "run"

@@ -1,4 +1,4 @@
-"""A stray node sends anything to everything while a run is under way, and the run is what it would have been."""
+"""A foreign node sends anything to everything during a run, and the run's result is unaffected."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from pga_me_ros.ros import names, qos
 CASES = 300
 
 
-def test_whatever_is_sent_a_run_refuses_it_and_is_what_it_would_have_been(
+def test_a_run_refuses_whatever_is_sent_and_its_result_is_unaffected(
     graph: Graph, probe: Probe, tmp_path: Path
 ) -> None:
     run_dir = tmp_path / "run"

@@ -15,16 +15,16 @@ from pga_me_ros.tasks.registry import load_task
 PARAMETERS = {"random_init": 10, "evaluations": 30}
 
 
-def test_a_run_from_a_repertoire_is_that_of_search_whatever_became_of_its_source(
+def test_a_run_from_a_repertoire_equals_that_of_search_even_without_its_source(
     graph: Graph, tmp_path: Path
 ) -> None:
     source = tmp_path / "source.db"
     archive = store(source)
     controllers = archive.parameters[archive.filled]
-    assert 10 < len(controllers) <= 20, "one more generation than random_init alone"
+    assert 10 < len(controllers) <= 20, "one more generation than random_init"
     settings = run_settings(**PARAMETERS)
 
-    # A run that was stopped before its first generation, and whose source is gone.
+    # A run that was stopped before its first generation, and whose source has been deleted.
     from_source = settings.replace(start_from=str(source))
     open_run(tmp_path / "run", SPEC, from_source).lock.release()
     source.unlink()

@@ -1,4 +1,4 @@
-"""Output that goes away: a closed stream, a full device, a terminal that is gone. The run goes on without it."""
+"""A run continues when its output is lost: a closed stream, a full device, a terminal that is gone."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def log(run_dir: Path) -> str:
 @pytest.mark.parametrize(
     "redirections", ["<&- >&- 2>&-", ">/dev/full 2>&1"], ids=["closed", "full"]
 )
-def test_a_run_whose_output_goes_nowhere_ends_as_any_other(
+def test_a_run_without_output_ends_like_any_other(
     graph: Graph, tmp_path: Path, redirections: str
 ) -> None:
     run_dir = tmp_path / "run"
@@ -90,7 +90,7 @@ def test_a_run_that_ignores_a_hangup_outlives_its_terminal_and_its_reader(
     ("program", "code"),
     [("nodes.archive_manager --help", 0), ("nodes.archive_manager", 2), ("report nowhere", 2)],
 )
-def test_programs_end_with_their_status_wherever_their_output_goes(
+def test_programs_exit_with_their_status_wherever_their_output_goes(
     graph: Graph, tmp_path: Path, program: str, code: int, redirections: str
 ) -> None:
     script = f"{sys.executable} -m pga_me_ros.{program} {redirections}"
@@ -107,7 +107,7 @@ def test_programs_end_with_their_status_wherever_their_output_goes(
 
 
 def test_no_file_gets_the_number_of_a_closed_stream(tmp_path: Path) -> None:
-    # What a library prints, such as PyBullet its greeting, would go into that file.
+    # Output of libraries, such as PyBullet's greeting, would go into that file.
     code = (
         "import os, pga_me_ros.nodes\n"
         "number = os.open('file', os.O_CREAT | os.O_WRONLY)\n"

@@ -1,4 +1,4 @@
-"""Whoever looks at an archive's pictures, of whatever size, must not end the node that serves it."""
+"""A subscriber to an archive's pictures must not end the node that serves it, whatever the archive's size."""
 
 from __future__ import annotations
 

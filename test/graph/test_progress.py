@@ -1,4 +1,4 @@
-"""What a run tells: on its topic, in a terminal, and in a file."""
+"""Progress of a run: on its topic, in a terminal, and in a file."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ ENDLESS = 10**7
 NARROW = 60
 
 
-def test_the_topic_tells_a_runs_states_and_numbers(
+def test_the_topic_has_a_runs_states_and_numbers(
     graph: Graph, probe: Probe, tmp_path: Path
 ) -> None:
     heard: list[Progress] = probe.listen(Progress, names.PROGRESS, qos.EXPERIENCE_READER)
@@ -43,7 +43,7 @@ def test_the_topic_tells_a_runs_states_and_numbers(
     assert {m.evaluators for m in heard if m.state == "running"} == {1}
 
 
-def test_the_topic_tells_of_pause_and_stop(graph: Graph, probe: Probe, tmp_path: Path) -> None:
+def test_the_topic_reports_pause_and_stop(graph: Graph, probe: Probe, tmp_path: Path) -> None:
     heard: list[Progress] = probe.listen(Progress, names.PROGRESS, qos.EXPERIENCE_READER)
     run = graph.run(tmp_path / "run", evaluations=ENDLESS)
     for service, state in {"pause": "paused", "resume": "running", "stop": "stopping"}.items():
@@ -53,7 +53,7 @@ def test_the_topic_tells_of_pause_and_stop(graph: Graph, probe: Probe, tmp_path:
     assert run.wait() == 0, run.output
 
 
-def test_the_topic_tells_of_failure(
+def test_the_topic_reports_failure(
     graph: Graph, probe: Probe, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "my_robots.py").write_text(
@@ -81,9 +81,7 @@ def test_in_a_file_every_generation_has_a_line(graph: Graph, tmp_path: Path) -> 
     ]
 
 
-def test_in_a_terminal_progress_stays_in_one_line_that_nothing_is_written_into(
-    graph: Graph, tmp_path: Path
-) -> None:
+def test_in_a_terminal_progress_stays_in_one_intact_line(graph: Graph, tmp_path: Path) -> None:
     values = {**TINY, "run_dir": tmp_path / "run", "evaluations": ENDLESS}
     command = [sys.executable, "-m", "pga_me_ros.nodes.orchestrator", *ros_arguments(values)]
     terminal = Terminal(command, NARROW, graph.environment, tmp_path)
@@ -109,7 +107,7 @@ def test_in_a_terminal_progress_stays_in_one_line_that_nothing_is_written_into(
     assert after.startswith("stopped: "), terminal.rows
 
 
-def test_a_reader_that_leaves_ends_the_run_quietly(graph: Graph, tmp_path: Path) -> None:
+def test_a_reader_that_exits_ends_the_run_quietly(graph: Graph, tmp_path: Path) -> None:
     values = {**TINY, "run_dir": tmp_path / "run", "evaluations": ENDLESS}
     command = [sys.executable, "-m", "pga_me_ros.nodes.orchestrator", *ros_arguments(values)]
     script = '"$@" | head -2; echo "ended with ${PIPESTATUS[0]}"'

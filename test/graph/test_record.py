@@ -1,4 +1,4 @@
-"""A run recorded while it is under way: nothing is lost, and what is recorded is of use."""
+"""A recording of a run: nothing is lost, and the recording is usable."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ from pga_me_ros.ros import names, qos
 EPISODES, GENERATIONS = 20, 2
 
 TRIES = 3
-"""Recordings at most, as many as a test of processes gets."""
+"""Maximum attempts at a recording, as many as a test of processes gets."""
 
 
 @dataclass(frozen=True)
 class Recorded:
-    """A finished run, its recording, and what the recorder said."""
+    """A finished run, its recording, and the recorder's output."""
 
     run: Path
     bag: Path
@@ -45,7 +45,7 @@ def start_recorder(graph: Graph, bag: Path) -> Started:
 
 
 def record_run(folder: Path) -> tuple[Recorded, str]:
-    """Record one tiny run, with Ctrl-C for the recorder as soon as the run is over; also returns what the run said."""
+    """Record one tiny run and stop the recorder with Ctrl-C when the run is over; also return the run's output."""
     with domain_id() as domain:
         graph = Graph(domain, folder)
         try:
@@ -64,7 +64,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Recorded:
     """Return the recording of a run in which every evaluation took place once.
 
     On a machine that stalls, a run repeats evaluations whose experience is late, and the recording has them twice. A
-    rerun of a test that fails for it would get the same recording, so such a run is recorded anew here.
+    rerun of a failed test would get the same recording, so another run is recorded here.
     """
     for _ in range(TRIES):
         recording, said = record_run(tmp_path_factory.mktemp("recorded"))
@@ -77,7 +77,7 @@ def transitions(bag: Path) -> list[bytes]:
     return [m.data for m in read_bag(bag, [type_name(Transitions)])]
 
 
-def test_the_recorder_says_what_it_has(recorded: Recorded) -> None:
+def test_the_recorder_reports_what_it_has_recorded(recorded: Recorded) -> None:
     first, summary, episodes = recorded.said.splitlines()
     assert first == f"recording into {recorded.bag}; Ctrl-C ends it"
     assert summary.startswith("recorded ")
@@ -86,7 +86,7 @@ def test_the_recorder_says_what_it_has(recorded: Recorded) -> None:
 
 
 def test_experience_is_byte_for_byte_what_the_run_stored(recorded: Recorded) -> None:
-    # By a reader that knows nothing of the project but what the file says.
+    # Read by a program that knows the project's types only from the file.
     kind = type_name(Transitions)
     with AnyReader([recorded.bag]) as reader:
         (connection,) = [c for c in reader.connections if c.msgtype == kind]
@@ -110,7 +110,7 @@ def test_experience_is_byte_for_byte_what_the_run_stored(recorded: Recorded) -> 
         assert np.array_equal(np.stack([e.descriptor for e in batch]), stored["descriptors"])
 
 
-def test_metrics_of_every_generation_are_there(recorded: Recorded) -> None:
+def test_metrics_of_every_generation_are_recorded(recorded: Recorded) -> None:
     kind = type_name(Metrics)
     store = get_typestore(Stores.EMPTY)
     store.register(get_types_from_msg(definition(kind).text, kind))
@@ -142,7 +142,7 @@ def test_lost_experience_is_restored_byte_for_byte(
     assert "has all the experience that it needs" in capsys.readouterr().out
 
 
-def test_what_is_published_again_is_what_was_recorded(
+def test_messages_published_again_equal_those_recorded(
     recorded: Recorded,
     graph: Graph,
     probe: Probe,
@@ -176,7 +176,7 @@ def test_missing_episodes_are_named_at_the_end(graph: Graph, probe: Probe, tmp_p
     wait_until(lambda: topic.get_subscription_count() == 1, "the recorder")
     for evaluation in (3, 4, 8, *[6] * 150):
         topic.publish(Transitions(run_id="run", task="qd_walker", evaluation=evaluation))
-    # Sent right before the signal: what has been sent is still taken.
+    # Sent right before the signal: messages already sent are still recorded.
     recorder.signal(signal.SIGTERM)
     assert recorder.wait() == 0, recorder.output
     assert "run run: 4 episodes, evaluations 3 to 8, 149 more came twice" in recorder.output

@@ -1,4 +1,4 @@
-"""A run that was killed or finished is continued by the same command; test_chaos.py kills all else."""
+"""The same command resumes a run that was killed or has finished; test_chaos.py kills everything else."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from processes import children, kill_orchestrator, wait_for_no_children
 from reference import ES, run_digest, search_digest
 
 LONG: dict[str, Any] = {"evaluations": 80}
-"""Enough generations of variation to be in the middle of one when something is killed."""
+"""Evaluations for enough generations of variation to be in the middle of one when something is killed."""
 
 KINDS = ("evaluator_0", "critic_trainer", "variation", "archive_manager")
 

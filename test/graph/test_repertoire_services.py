@@ -1,4 +1,4 @@
-"""Questions of other robot nodes, answered by an archive manager on a finished file."""
+"""Requests of other robot nodes, answered by an archive manager from a finished file."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def ask_list(repertoire: Served, **fields: Any) -> ListBehaviors.Response:
 
 
 def distances(archive: Archive, wanted: list[float]) -> np.ndarray:
-    """Return the distance of every cell's elite, infinity where there is none."""
+    """Return the distance of every cell's elite, infinity for empty cells."""
     return np.nan_to_num(np.linalg.norm(archive.descriptors - wanted, axis=1), nan=math.inf)
 
 
@@ -65,7 +65,7 @@ def test_the_best_is_the_fittest(repertoire: Served) -> None:
     assert ask(repertoire, select=ASK.BEST).behavior.fitness == repertoire.archive.max_fitness
 
 
-def test_random_choices_reach_different_elites_that_are_fit_enough(repertoire: Served) -> None:
+def test_random_choices_give_different_elites_that_are_fit_enough(repertoire: Served) -> None:
     least = float(np.nanmedian(repertoire.archive.fitness))
     drawn = [
         ask(repertoire, select=ASK.RANDOM, require_fitness=True, min_fitness=least).behavior
@@ -75,7 +75,7 @@ def test_random_choices_reach_different_elites_that_are_fit_enough(repertoire: S
     assert len({b.cell for b in drawn}) > 3
 
 
-def test_the_controller_comes_with_all_that_it_takes_to_run_it(repertoire: Served) -> None:
+def test_the_controller_has_everything_needed_to_run_it(repertoire: Served) -> None:
     response = ask(repertoire, select=ASK.BEST)
     controller = response.controller
     elite = repertoire.archive.best()
@@ -87,7 +87,7 @@ def test_the_controller_comes_with_all_that_it_takes_to_run_it(repertoire: Serve
     assert controller.control_period == SPEC.control_period
 
 
-def test_a_least_fitness_makes_a_farther_elite_the_nearest(repertoire: Served) -> None:
+def test_with_a_minimum_fitness_a_farther_elite_is_the_nearest(repertoire: Served) -> None:
     archive = repertoire.archive
     wanted = archive.descriptors[int(np.nanargmin(archive.fitness))].tolist()
     least = float(np.nanmedian(archive.fitness))
@@ -132,13 +132,13 @@ NOT_FOUND = {
 
 
 @pytest.mark.parametrize("case", NOT_FOUND)
-def test_what_cannot_be_found_is_said_in_words(repertoire: Served, case: str) -> None:
+def test_not_found_answers_have_a_reason(repertoire: Served, case: str) -> None:
     fields, words = NOT_FOUND[case]
     response = ask(repertoire, **fields)
     assert (response.found, words in response.message) == (False, True), response.message
 
 
-def test_an_empty_cell_is_told_apart(repertoire: Served) -> None:
+def test_an_empty_cell_has_its_own_message(repertoire: Served) -> None:
     cell = int(np.flatnonzero(~repertoire.archive.filled)[0])
     message = ask(repertoire, select=ASK.CELL, cell=cell).message
     assert message == f"Cell {cell} is empty; choose a filled one, or the nearest to a descriptor."
@@ -147,7 +147,7 @@ def test_an_empty_cell_is_told_apart(repertoire: Served) -> None:
 @pytest.mark.parametrize(
     "fields", [{"descriptor": [0.5, 0.5]}, {"select": ASK.BEST}, {"select": ASK.RANDOM}]
 )
-def test_an_empty_repertoire_says_so(empty: Served, fields: dict[str, Any]) -> None:
+def test_an_empty_repertoire_has_its_own_message(empty: Served, fields: dict[str, Any]) -> None:
     response = ask(empty, **fields)
     assert not response.found
     assert (
@@ -166,7 +166,7 @@ def test_an_empty_repertoire_has_metrics_before_the_first_generation(empty: Serv
     assert math.isnan(metrics.max_fitness)
 
 
-def test_pages_hold_everybody_fittest_first(repertoire: Served) -> None:
+def test_pages_have_all_behaviors_fittest_first(repertoire: Served) -> None:
     pages = [ask_list(repertoire, offset=i, limit=5) for i in range(0, 20, 5)]
     fitness = [b.fitness for page in pages for b in page.behaviors]
     archive = repertoire.archive
@@ -174,7 +174,7 @@ def test_pages_hold_everybody_fittest_first(repertoire: Served) -> None:
     assert {page.total for page in pages} == {archive.coverage}
 
 
-def test_a_list_leaves_out_who_is_not_fit_enough(repertoire: Served) -> None:
+def test_a_list_leaves_out_behaviors_that_are_not_fit_enough(repertoire: Served) -> None:
     archive = repertoire.archive
     least = float(np.nanmedian(archive.fitness))
     response = ask_list(repertoire, require_fitness=True, min_fitness=least)
@@ -190,9 +190,7 @@ def test_a_list_leaves_out_who_is_not_fit_enough(repertoire: Served) -> None:
         {"require_fitness": True, "min_fitness": math.nan},
     ],
 )
-def test_a_list_request_that_makes_no_sense_is_refused(
-    repertoire: Served, fields: dict[str, Any]
-) -> None:
+def test_an_invalid_list_request_is_refused(repertoire: Served, fields: dict[str, Any]) -> None:
     response = ask_list(repertoire, **fields)
     assert not response.ok
     assert any(name in response.message for name in fields)
@@ -207,20 +205,20 @@ def test_get_info_describes_run_and_descriptor(repertoire: Served) -> None:
     assert (info.metrics.evaluations, info.growing) == (20, False)
 
 
-def test_metrics_reach_those_who_come_late(repertoire: Served) -> None:
+def test_late_subscribers_get_the_metrics(repertoire: Served) -> None:
     heard = repertoire.probe.listen(Metrics, "repertoire/metrics", qos.LATCHED)
     wait_until(lambda: bool(heard), "the newest metrics")
     assert (heard[0].generation, heard[0].coverage) == (1, repertoire.archive.coverage)
 
 
 @pytest.mark.parametrize("profile", ["latched", "volatile"])
-def test_the_picture_reaches_those_who_come_late(repertoire: Served, profile: str) -> None:
+def test_late_subscribers_get_the_picture(repertoire: Served, profile: str) -> None:
     quality = qos.LATCHED if profile == "latched" else qos.STATUS
     heard = repertoire.probe.listen(Image, "repertoire/heatmap", quality)
     wait_until(lambda: bool(heard), "a picture")
     picture = np.array(heard[0].data, np.uint8).reshape(heard[0].height, heard[0].width, 3)
     assert heard[0].encoding == "rgb8"
-    # More colors than that of empty cells.
+    # There are more colors than that of empty cells.
     assert len(np.unique(picture.reshape(-1, 3), axis=0)) > 5
 
 
@@ -230,7 +228,7 @@ def test_the_map_shows_each_elite_in_its_place(repertoire: Served) -> None:
     info, archive = heard[0].info, repertoire.archive
     assert (heard[0].header.frame_id, info.origin.position.x) == ("repertoire", 0.0)
     assert info.width * info.resolution == pytest.approx(1.0)
-    # Its first cells are those of the least second descriptor.
+    # The map's first cells are those of the lowest second descriptor.
     values = np.array(heard[0].data, np.int8).reshape(info.height, info.width)
     rows, columns = np.indices(values.shape)
     centers = (np.stack([columns.ravel(), rows.ravel()], axis=1) + 0.5) * info.resolution
@@ -256,7 +254,7 @@ def test_a_behavior_is_served_without_simulator_or_torch(repertoire: Served) -> 
     assert "pybullet" not in mapped
 
 
-def test_serving_leaves_the_file_as_it_is(tmp_path: Path) -> None:
+def test_serving_does_not_change_the_file(tmp_path: Path) -> None:
     with served(tmp_path) as repertoire:
         before = repertoire.path.read_bytes()
         assert ask(repertoire, select=ASK.BEST).found
@@ -270,7 +268,7 @@ def test_a_repertoire_can_live_in_a_namespace(repertoire: Served) -> None:
     assert response.found
 
 
-def test_a_run_serves_what_it_has_while_it_goes_on(
+def test_a_run_serves_its_repertoire_while_it_continues(
     graph: Graph, probe: Probe, tmp_path: Path
 ) -> None:
     run = graph.run(tmp_path / "run", evaluations=100_000)

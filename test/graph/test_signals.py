@@ -26,10 +26,10 @@ from pga_me_ros.ros import names, qos
 from pga_me_ros.ros.convert import flat
 
 SOON = 5.0
-"""Seconds within which a run that is asked to stop has ended."""
+"""Seconds within which a run ends after it was told to stop."""
 
 LONG = {"evaluations": 100_000}
-"""A run that does not end by itself within a test."""
+"""Parameters of a run that does not end by itself within a test."""
 
 
 def under_way(graph: Graph, run_dir: Path, **parameters: Any) -> Started:
@@ -104,7 +104,7 @@ def test_a_signal_in_the_middle_of_an_episode_ends_an_evaluator_quietly(
     evaluator = graph.start("evaluator", {"task": "qd_half_cheetah"}, "-r", "__node:=mine")
     client = probe.node.create_client(Evaluate, "mine/evaluate")
     wait_until(client.service_is_ready, "the evaluator")
-    shape = MlpShape((26, 8, 6))  # of a robot that never falls, so that every episode is long
+    shape = MlpShape((26, 8, 6))  # for a robot that never falls, so that every episode is long
     request = Evaluate.Request(task="qd_half_cheetah", evaluations=range(50))
     request.layer_sizes = list(shape.sizes)
     request.parameters = flat(np.zeros((50, shape.parameter_count)), "f")
@@ -137,7 +137,7 @@ def test_a_paused_run_does_nothing_until_it_is_resumed(
 
 
 def set_parameters(probe: Probe, **values: Any) -> Sequence[Any]:
-    """Set parameters of the orchestrator all at once, and return the results."""
+    """Set parameters of the orchestrator in one request, and return the results."""
     parameters = [Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]
     response = probe.call(SetParameters, "orchestrator/set_parameters", parameters=parameters)
     return list(response.results)

@@ -1,4 +1,4 @@
-"""A stray that has found out a run's id publishes snapshots that another system would take: they change nothing."""
+"""A foreign node that knows a run's id publishes snapshots of another algorithm, which change nothing."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from pga_me_ros.tasks.registry import task_spec
 EVALUATIONS = 80
 
 
-def test_a_snapshot_of_another_system_is_dropped_by_whoever_hears_it(
+def test_a_snapshot_of_another_algorithm_is_dropped_by_all_nodes(
     graph: Graph, probe: Probe, tmp_path: Path
 ) -> None:
     progress = probe.listen(Progress, names.PROGRESS, qos.LATCHED)
@@ -29,7 +29,7 @@ def test_a_snapshot_of_another_system_is_dropped_by_whoever_hears_it(
     world = World(progress[-1].run_id, task_spec(settings.task), settings, "", (), "", ())
     sound = snapshot_target(world).sound
     pause = threading.Event()
-    for ahead in cycle((1, 2)):  # snapshots that are due, or ordered already
+    for ahead in cycle((1, 2)):  # snapshots that are needed next, or already ordered
         if run.process.poll() is not None:
             break
         generation = max((m.generation for m in metrics), default=-1) + ahead

@@ -1,6 +1,6 @@
-"""A run on two hosts whose network fails: it goes on, and ends with the repertoire of an undisturbed one.
+"""A run on two hosts whose network fails continues, and ends with the repertoire of an undisturbed run.
 
-`make two-hosts` runs it; it takes minutes, most of which a cable is unplugged.
+`make two-hosts` runs this test; it takes minutes, in most of which a cable is unplugged.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ pytestmark = pytest.mark.two_hosts
 OBSERVER = Path(__file__).with_name("observer.py")
 
 LONG = {"evaluations": 100_000}
-"""A run that is still under way when the cable is plugged in again."""
+"""Evaluations of a run that is still running when the cable is plugged in again."""
 
 MORE = 50
 """Evaluations with which the run is then completed."""
@@ -41,7 +41,7 @@ def network() -> Iterator[Network]:
 
 @pytest.fixture
 def left(network: Network, tmp_path: Path) -> Iterator[Host]:
-    """The host of the orchestrator."""
+    """Return the host of the orchestrator."""
     host = Host(network, "left", tmp_path / "left")
     yield host
     host.kill()
@@ -49,14 +49,14 @@ def left(network: Network, tmp_path: Path) -> Iterator[Host]:
 
 @pytest.fixture
 def right(network: Network, tmp_path: Path) -> Iterator[Host]:
-    """The host whose cable is pulled."""
+    """Return the host whose cable is pulled."""
     host = Host(network, "right", tmp_path / "right")
     yield host
     host.kill()
 
 
 def facts(observer: Started) -> list[dict[str, Any]]:
-    """Return what an observer has printed; its last line may be half there."""
+    """Return an observer's output; its last line may be incomplete."""
     return [json.loads(line) for line in observer.output.split("\n")[:-1] if line.startswith("{")]
 
 
@@ -91,7 +91,7 @@ def test_a_pulled_cable_changes_nothing(
     pulled, before = time.monotonic(), newest_generation(observer)
     wait_until(lambda: time.monotonic() - pulled > seconds, "the end of the failure")
     without = newest_generation(observer)
-    assert without > before + 1, "the run must go on without the far evaluator"
+    assert without > before + 1, "the run must continue without the far evaluator"
     network.plug_cable("right")
     wait_for_work_of(observer, "/far", after=without)
 

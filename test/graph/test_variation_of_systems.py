@@ -1,4 +1,4 @@
-"""A variation node makes what its run's system makes, from the snapshots of that system, and nothing else."""
+"""A variation node makes only the offspring of its run's algorithm, from that algorithm's snapshots."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ PARENT_ID = 7
 
 
 class Variation:
-    """A variation node and who talks to it."""
+    """A variation node, and a node that calls it."""
 
     def __init__(self, graph: Graph, settings: Settings) -> None:
         self._settings = settings
@@ -60,12 +60,12 @@ class Variation:
         self._elites = node.create_publisher(Elites, names.ELITES, qos.ELITES)
 
     def hear(self, snapshot: Snapshot) -> None:
-        """Publish a snapshot once the node listens."""
+        """Publish a snapshot when the node has subscribed."""
         wait_until(lambda: self._snapshots.get_subscription_count() > 0, "a subscription")
         self._snapshots.publish(snapshot_to_msg(snapshot, "r"))
 
     def hear_parent(self, **changes: Any) -> None:
-        """Publish the parent as an elite once the node listens."""
+        """Publish the parent as an elite when the node has subscribed."""
         wait_until(lambda: self._elites.get_subscription_count() > 0, "a subscription")
         fields = {
             "run_id": "r",
@@ -76,7 +76,7 @@ class Variation:
         self._elites.publish(Elites(**{**fields, **changes}))
 
     def propose(self, operator: int) -> Any:
-        """Ask for one offspring of generation 1."""
+        """Request one offspring of generation 1."""
         return self.probe.call(
             Propose,
             names.PROPOSE,
@@ -90,7 +90,7 @@ class Variation:
         )
 
     def close(self) -> None:
-        """Let go of the node; the graph stops it."""
+        """Close the probe; the graph stops the node."""
         self.probe.close()
 
 
@@ -107,7 +107,7 @@ def climbed(critic: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("variation", [QD_RL], indirect=True)
-def test_qd_rl_climbs_the_critic_of_quality_or_that_of_diversity(variation: Variation) -> None:
+def test_qd_rl_climbs_the_critic_of_quality_or_of_diversity(variation: Variation) -> None:
     variation.hear(ONE_CRITIC)
     variation.started.wait_for_output("it has no network 'diversity_critic'; qd_rl needs one")
     assert variation.propose(Propose.Request.DIVERSITY).again
@@ -132,7 +132,7 @@ def test_qd_rl_climbs_the_critic_of_quality_or_that_of_diversity(variation: Vari
 
 
 @pytest.mark.parametrize("variation", [PGA], indirect=True)
-def test_pga_map_elites_knows_no_diversity(variation: Variation) -> None:
+def test_pga_map_elites_has_no_critic_of_diversity(variation: Variation) -> None:
     variation.hear(TWO_CRITICS)
     words = "it has a network 'diversity_critic'; pga_map_elites has none"
     variation.started.wait_for_output(words)
@@ -148,7 +148,7 @@ def test_pga_map_elites_knows_no_diversity(variation: Variation) -> None:
 
 
 @pytest.mark.parametrize("variation", [PGA], indirect=True)
-def test_a_snapshot_on_its_way_makes_no_refusal(variation: Variation) -> None:
+def test_a_snapshot_that_has_yet_to_arrive_is_not_a_refusal(variation: Variation) -> None:
     signs = variation.probe.listen(NodeStatus, names.STATUS, qos.STATUS)
     early = variation.propose(Propose.Request.PG)
     assert (early.accepted, early.again) == (False, True)
@@ -160,7 +160,7 @@ def test_a_snapshot_on_its_way_makes_no_refusal(variation: Variation) -> None:
 
 
 @pytest.mark.parametrize("variation", [PGA], indirect=True)
-def test_a_parent_that_was_not_heard_of_makes_no_refusal(variation: Variation) -> None:
+def test_a_parent_that_has_yet_to_arrive_is_not_a_refusal(variation: Variation) -> None:
     variation.hear_parent(run_id="stray")
     variation.started.wait_for_output("dropped elites: This request is for run 'stray'")
     variation.hear_parent(cells=flat([10**6], "q"))
@@ -168,7 +168,7 @@ def test_a_parent_that_was_not_heard_of_makes_no_refusal(variation: Variation) -
     variation.hear(ONE_CRITIC)
     answers = [variation.propose(Propose.Request.PG)]
 
-    def lacks_the_parent() -> bool:  # once the snapshot has come
+    def lacks_the_parent() -> bool:  # after the snapshot has arrived
         answers.append(variation.propose(Propose.Request.PG))
         return bool(answers[-1].lacking)
 

@@ -1,4 +1,4 @@
-"""What the files of a run hold, read without the package: it must not judge itself."""
+"""The content of a run's files, read without the package, which must not judge itself."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def elites_of(run: Path) -> list[Row]:
 
 
 def generations_of(run: Path) -> list[Row]:
-    """Return the metrics of a run's generations by column; counts per operator without the operators that made none."""
+    """Return the metrics of a run's generations by column; counts per operator without operators that made none."""
     rows = _rows(run, "generations", METRICS + PER_OPERATOR, "generation")
     extremes = _rows(run, "extremes", EXTREMES, "generation")
     for row, more in zip(rows, extremes, strict=True):
@@ -74,7 +74,7 @@ def run_info_of(run: Path) -> Row:
 
 
 def result_digest(run: Path) -> str:
-    """Return a digest of elites and metrics; what they are called and how they are laid out is no part of it."""
+    """Return a digest of elites and metrics that does not depend on their names and layout."""
     out = hashlib.sha256()
     for row in elites_of(run):
         numbers = [row[name] for name in ELITES[:-2]]
@@ -86,9 +86,9 @@ def result_digest(run: Path) -> str:
 
 
 def machine_digest() -> str:
-    """Return a digest of what this machine makes of sums like those of a run.
+    """Return a digest of this machine's results for sums like those of a run.
 
-    The bits of a result hold for one kind of machine and one set of library versions, and so does this digest.
+    The bits of a result are valid for one type of machine and one set of library versions, as is this digest.
     """
     rng = np.random.default_rng(0)
     out = hashlib.sha256()
@@ -115,7 +115,7 @@ def machine_digest() -> str:
 
 
 def _rows(run: Path, table: str, columns: Sequence[str], order: str) -> list[Row]:
-    """Read a table; give the folder of a copy, as SQLite may leave files beside a repertoire that it reads."""
+    """Read a table; give the folder of a copy, as SQLite may leave files next to a repertoire that it reads."""
     file = run / "repertoire.db"
     with closing(sqlite3.connect(f"file:{file}?mode=ro", uri=True)) as connection:
         rows = connection.execute(f"SELECT {', '.join(columns)} FROM {table} ORDER BY {order}")

@@ -1,7 +1,7 @@
-"""Makes the runs of a revision that later versions must be able to go on with; README.md says when, and how.
+"""Makes runs of a revision that later versions must be able to resume; README.md says when and how.
 
-Each is a folder as the orchestrator leaves it, without logs, locks and what only a crash would need. `runs.json` beside
-them says how they were started, how they are resumed, and what they end with then.
+Each is a folder as the orchestrator leaves it, without logs, locks and files needed only after a crash. `runs.json`
+next to them says how they were started, how they are resumed, and with what result.
 """
 
 from __future__ import annotations
@@ -49,13 +49,13 @@ RUNS: dict[str, dict[str, Any]] = {
 GENERATIONS, RESUMED_GENERATIONS = 5, 7
 
 REPERTOIRE_ALONE = ("map_elites_grid",)
-"""Runs that can go on from the repertoire file: they learn nothing."""
+"""Runs that need only the repertoire file to resume, because they learn nothing."""
 
 REEVALUATED = ("pga_map_elites",)
 
 
 def batch_size(parameters: dict[str, Any]) -> int:
-    """Return how many evaluations a generation has."""
+    """Return the number of evaluations per generation."""
     return parameters.get("batch_size") or parameters["es_samples"] + 1
 
 
@@ -63,7 +63,7 @@ def carry_out(run_dir: Path, parameters: dict[str, Any]) -> None:
     """Carry out a run, or resume the one that a folder holds.
 
     Raises:
-        SystemExit: It failed.
+        SystemExit: The run failed.
     """
     with domain_id() as domain:
         graph = Graph(domain, run_dir.parent)
@@ -76,7 +76,7 @@ def carry_out(run_dir: Path, parameters: dict[str, Any]) -> None:
 
 
 def strip(run: Path) -> None:
-    """Remove what the next start makes anew, and the name of the folder that the run was made in."""
+    """Remove what the next start creates again, and the name of the folder in which the run was made."""
     shutil.rmtree(run / "logs")
     for file in (run / "run.lock", run / "repertoire.db.lock", *sorted(run.glob("*.ckpt"))[:-1]):
         file.unlink()

@@ -1,4 +1,4 @@
-"""Runs that an earlier version made: each is served, resumed, reported, exported and re-evaluated."""
+"""Runs made by an earlier version are served, resumed, reported, exported and re-evaluated."""
 
 from __future__ import annotations
 
@@ -48,11 +48,11 @@ class Old:
     Attributes:
         stored: The run in the source tree.
         path: The copy.
-        parameters: What the orchestrator was started with.
+        parameters: Parameters with which the orchestrator was started.
         evaluations: Its budget, which it has used up.
         resumed_evaluations: Budget to resume it with.
-        digest: Digest of what it holds.
-        resumed_digest: Digest of what its own version ended with when it resumed it.
+        digest: Digest of its content.
+        resumed_digest: Digest of its content after its own version resumed it.
     """
 
     stored: Path
@@ -68,7 +68,7 @@ class Old:
 def orchestrators(
     tmp_path_factory: pytest.TempPathFactory,
 ) -> Iterator[dict[Path, tuple[Path, Started]]]:
-    """Resume copies of all runs at once, while the other tests do their work; each has a ROS domain of its own."""
+    """Resume copies of all runs at once, each in its own ROS domain, while other tests run."""
     with ExitStack() as stack:
         started = {}
         for stored, values in RUNS.items():
@@ -88,7 +88,7 @@ def orchestrators(
 def old(
     request: pytest.FixtureRequest,
     tmp_path_factory: pytest.TempPathFactory,
-    orchestrators: dict[Path, tuple[Path, Started]],  # begin at once: they take longest
+    orchestrators: dict[Path, tuple[Path, Started]],  # started first, because they take longest
 ) -> Old:
     copied = tmp_path_factory.mktemp("old") / request.param.name
     shutil.copytree(request.param, copied)
@@ -97,7 +97,7 @@ def old(
 
 @pytest.fixture(scope="module")
 def resumed(old: Old, orchestrators: dict[Path, tuple[Path, Started]]) -> Path:
-    """Return a copy that was resumed to a higher budget."""
+    """Return a copy that was resumed with a higher budget."""
     run, orchestrator = orchestrators[old.stored]
     assert orchestrator.wait() == 0, orchestrator.output
     assert "missing" not in orchestrator.output
@@ -126,7 +126,7 @@ def client(old: Old, monkeypatch: pytest.MonkeyPatch) -> Iterator[RepertoireClie
             graph.kill()
 
 
-def test_it_holds_what_it_was_made_with(old: Old) -> None:
+def test_its_content_is_unchanged(old: Old) -> None:
     assert result_digest(old.path) == old.digest
     assert generations_of(old.path)[-1]["evaluations"] == old.evaluations
 
@@ -160,10 +160,10 @@ def test_it_is_resumed(old: Old, resumed: Path) -> None:
     assert after[: len(before)] == before
 
 
-def test_a_resumed_run_ends_as_it_did_in_its_own_version(old: Old, resumed: Path) -> None:
+def test_a_resumed_run_ends_as_in_its_own_version(old: Old, resumed: Path) -> None:
     made_by = json.loads((old.stored.parent / "runs.json").read_text())
     if machine_digest() != made_by["machine_digest"]:
-        pytest.skip("the machine or libraries that made the runs computed other bits")
+        pytest.skip("the runs were made with a machine or libraries that compute other bits")
     assert result_digest(resumed) == old.resumed_digest
 
 
@@ -197,7 +197,7 @@ def test_it_is_exported(old: Old, tmp_path: Path) -> None:
             assert arrays["repeats"].any()
 
 
-def test_it_is_reevaluated_beyond_what_it_has(old: Old, tmp_path: Path) -> None:
+def test_further_reevaluations_are_added(old: Old, tmp_path: Path) -> None:
     run = tmp_path / "run"
     shutil.copytree(old.stored, run)
     command = [str(run), "--best", "3", "--repeats", str(REPEATS), "--processes", "1"]
@@ -211,7 +211,7 @@ def test_it_is_reevaluated_beyond_what_it_has(old: Old, tmp_path: Path) -> None:
 
 
 def reevaluations(run: Path) -> dict[str, np.ndarray]:
-    """Return the columns of a run's re-evaluations, none where there are none."""
+    """Return the columns of a run's re-evaluations, empty if there are none."""
     file = run / "reevaluations.npz"
     if not file.exists():
         return {}

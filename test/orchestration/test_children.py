@@ -1,4 +1,4 @@
-"""Child processes that die: started again, until it is plain that it is of no use."""
+"""Child processes that die are restarted until that is clearly useless."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def started(children: Children, program: str) -> None:
 
 
 def die(children: Children, number: signal.Signals | None = None) -> None:
-    """Wait for the end of the present process, which a signal may bring about, and start the next one."""
+    """Wait for the present process to end, after a signal if one is given, and start the next one."""
     pid = children.pid(NAME)
     if number is not None:
         os.kill(pid, number)
@@ -37,7 +37,7 @@ def die(children: Children, number: signal.Signals | None = None) -> None:
     assert children.revive() == [NAME]
 
 
-def test_a_child_that_crashes_again_and_again_is_given_up_with_its_last_words(
+def test_the_error_for_a_child_that_crashes_repeatedly_has_its_last_output(
     children: Children, tmp_path: Path
 ) -> None:
     started(children, "import os; print('no servo answers'); exit(3)")
@@ -51,7 +51,7 @@ def test_a_child_that_crashes_again_and_again_is_given_up_with_its_last_words(
     )
 
 
-def test_words_of_an_earlier_process_are_not_its_last(children: Children, tmp_path: Path) -> None:
+def test_output_of_an_earlier_process_is_not_reported(children: Children, tmp_path: Path) -> None:
     (tmp_path / "logs" / "node.log").write_text("all is well\n")
     started(children, LIVES)
     for _ in range(CRASH_LIMIT - 1):
@@ -68,7 +68,7 @@ def test_a_child_that_works_may_be_killed_any_number_of_times(children: Children
     assert children.restarts == KILL_LIMIT + 2
 
 
-def test_a_child_that_is_killed_before_it_ever_works_is_given_up(children: Children) -> None:
+def test_a_child_that_is_repeatedly_killed_before_it_works_ends_the_run(children: Children) -> None:
     started(children, LIVES)
     for _ in range(KILL_LIMIT - 1):
         die(children, signal.SIGKILL)
@@ -78,7 +78,7 @@ def test_a_child_that_is_killed_before_it_ever_works_is_given_up(children: Child
         die(children, signal.SIGKILL)
 
 
-def test_crashes_are_forgotten_when_a_generation_ends_with_the_child_at_work(
+def test_crashes_are_forgotten_when_a_generation_ends_and_the_child_has_worked(
     children: Children,
 ) -> None:
     started(children, LIVES)
@@ -88,7 +88,7 @@ def test_crashes_are_forgotten_when_a_generation_ends_with_the_child_at_work(
         children.progressed()
 
 
-def test_crashes_are_remembered_while_others_get_on(children: Children) -> None:
+def test_crashes_are_remembered_while_only_others_make_progress(children: Children) -> None:
     started(children, LIVES)
     for _ in range(CRASH_LIMIT - 1):
         former = children.pid(NAME)

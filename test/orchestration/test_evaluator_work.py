@@ -1,4 +1,4 @@
-"""How much evaluators are asked for at once; when requests count as late, and when as lost."""
+"""How much work evaluators get at once; when requests count as late, and when as lost."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pga_me_ros.orchestration.evaluator_work import WORTHWHILE, Chunk, Worker, s
 
 
 def worker(**state: Any) -> Worker:
-    """An evaluator that was asked for two evaluations at time 0, and for one more at time 5."""
+    """Return an evaluator that got two evaluations at time 0, and one more at time 5."""
     chunks = [Chunk([1, 2], sent=0.0), Chunk([3], sent=5.0)]
     return Worker(None, ("host", 1), 0.0, 0.0, 0, **{"progress": 0.0, "chunks": chunks, **state})
 
@@ -20,7 +20,7 @@ def lost(w: Worker, now: float, seconds: float = 0.0) -> list[list[int]]:
     return [chunk.ids for chunk in w.overdue(now, seconds)]
 
 
-def test_what_nothing_came_of_for_long_is_lost() -> None:
+def test_a_request_without_any_progress_is_lost() -> None:
     assert lost(worker(), 10.5) == [[1, 2]]
     assert lost(worker(), 15.5) == [[1, 2], [3]]
 
@@ -29,7 +29,7 @@ def test_nothing_is_lost_while_evaluations_are_finished() -> None:
     assert lost(worker(progress=6.0), 15.5) == []
 
 
-def test_nothing_is_lost_before_its_time_where_evaluations_are_slow() -> None:
+def test_requests_are_lost_later_if_evaluations_are_slow() -> None:
     assert lost(worker(), 39.5, seconds=2.0) == []
     assert lost(worker(), 40.5, seconds=2.0) == [[1, 2]]
 
@@ -39,13 +39,13 @@ def test_patience_doubles_with_each_loss() -> None:
     assert lost(worker(given_up=2), 39.5) == []
 
 
-def test_what_takes_far_longer_than_expected_is_late() -> None:
+def test_a_request_that_takes_far_longer_than_expected_is_late() -> None:
     assert worker().late(now=6.5, seconds=0.5) == [1, 2]
     assert worker().late(now=6.5, seconds=1.0) == []
 
 
 def requests(queued: int, evaluators: int, seconds: float) -> list[int]:
-    """What evaluators are asked for, one after the other, until the queue is empty."""
+    """Return the sizes of requests, one after the other, until the queue is empty."""
     asked = []
     while queued:
         asked.append(share(queued, evaluators, seconds))
@@ -55,14 +55,14 @@ def requests(queued: int, evaluators: int, seconds: float) -> list[int]:
 
 
 @pytest.mark.parametrize("seconds", [0.0, 1.0])
-def test_long_or_unknown_evaluations_are_shared_in_ever_smaller_parts(seconds: float) -> None:
+def test_long_or_unknown_evaluations_are_divided_into_ever_smaller_parts(seconds: float) -> None:
     asked = requests(100, 2, seconds)
     assert asked[0] == 25
     assert asked[-4:] == [1, 1, 1, 1]
     assert all(a >= b for a, b in pairwise(asked))
 
 
-def test_short_evaluations_are_not_asked_for_one_by_one() -> None:
+def test_short_evaluations_are_not_requested_one_by_one() -> None:
     asked = requests(100, 2, WORTHWHILE / 6)
     assert min(asked[:-4]) >= 6
     assert len(asked) < len(requests(100, 2, 1.0))

@@ -1,4 +1,4 @@
-"""The roster: which of a run's processes have been heard from, and which have fallen silent."""
+"""The roster: which of a run's processes have been heard, and which have gone silent."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def test_all_are_up_once_the_present_process_of_each_has_been_heard(
         assert roster.heard(heartbeat(children, name))
     assert (roster.all_up, roster.arrivals) == (True, 2)
     restart(children, NAMES[1])
-    assert roster.heard(former)  # its last one may come late
+    assert roster.heard(former)  # its last heartbeat may come late
     assert not roster.all_up
     assert roster.heard(heartbeat(children, NAMES[1]))
     assert (roster.all_up, roster.arrivals) == (True, 3)
@@ -87,7 +87,7 @@ def test_refusals_of_replaced_processes_still_count(children: Children, roster: 
     assert roster.refused == 3 + 1 + 4
 
 
-def test_silence_is_told_of_those_that_were_heard(
+def test_silence_is_reported_for_children_that_were_heard(
     children: Children, roster: Roster, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(module, "STALE", 0.05)
@@ -96,6 +96,6 @@ def test_silence_is_told_of_those_that_were_heard(
     wait_until(lambda: roster.hanging(NAMES) == {NAMES[0]})
     assert list(roster.stale()) == [NAMES[0]]
     assert roster.stale()[NAMES[0]] > 0.1
-    restart(children, NAMES[0])  # it may take its time to start, but nobody answers meanwhile
+    restart(children, NAMES[0])  # its start may take a while, but meanwhile nobody answers
     assert roster.hanging(NAMES) == set()
     assert list(roster.stale()) == [NAMES[0]]

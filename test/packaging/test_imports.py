@@ -1,4 +1,4 @@
-"""Which modules know ROS, and which processes stay light."""
+"""Which modules import ROS, and which processes stay light."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def modules_below(folder: str) -> list[str]:
 
 
 @pytest.mark.parametrize("folder", ["pga_me_ros/core", "pga_me_ros/tasks"])
-def test_core_and_tasks_know_no_ros(folder: str) -> None:
+def test_core_and_tasks_do_not_import_ros(folder: str) -> None:
     modules = modules_below(folder)
     assert len(modules) > 1
     loaded = packages_loaded_by(modules)

@@ -19,7 +19,7 @@ ROOT = Path(__file__).resolve().parents[2]
         pytest.param(["mypy"], id="mypy"),
     ],
 )
-def test_tool_has_nothing_to_say(command: list[str]) -> None:
+def test_tool_finds_nothing(command: list[str]) -> None:
     result = subprocess.run(
         [sys.executable, "-m", *command], cwd=ROOT, capture_output=True, text=True, check=False
     )

@@ -1,4 +1,4 @@
-"""The pins of requirements/ are exact, agree, and cover everything that they pull in."""
+"""The pins in requirements/ are exact, consistent, and cover all dependencies."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 REQUIREMENTS = Path(__file__).resolve().parents[2] / "requirements"
 PIN = re.compile(r"(?P<name>[A-Za-z0-9._-]+)(\[[a-z,]+\])?==(?P<version>[0-9][A-Za-z0-9.]*)")
 
-# Comes with the environment or the checkout, or is pinned by torch's own wheel (CUDA builds).
+# Part of the environment or the checkout, or pinned by torch's own wheel (CUDA builds).
 NOT_PINNED = re.compile(r"pip|pga-me-(ros|msgs)|nvidia-.*|cuda-.*|triton")
 
 
@@ -41,7 +41,7 @@ def test_nothing_is_pinned_twice() -> None:
 
 
 def test_everything_installed_is_pinned() -> None:
-    # The ROS wheels bring .egg-info folders of their parts; what pip installed has a .dist-info.
+    # The ROS wheels contain .egg-info folders of their parts; packages that pip installed have a .dist-info.
     installed = {
         canonical(found.metadata["Name"]): found.version.partition("+")[0]
         for found in distributions()

@@ -1,4 +1,4 @@
-"""The set-up script: what it says on an unfit machine, and how it recovers. Installs nothing."""
+"""The setup script: its messages on an unsuitable machine, and how it recovers. Installs nothing."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ TOOLS = ["sh", "dirname", "gcc", "g++", "make"]
 
 @pytest.fixture
 def checkout(tmp_path: Path) -> Path:
-    """Return a checkout with what the set-up itself needs."""
+    """Return a checkout with the files that the setup itself needs."""
     for folder in ("scripts", "requirements", "msg_defs"):
         shutil.copytree(
             ROOT / folder, tmp_path / folder, ignore=shutil.ignore_patterns("__pycache__")
@@ -37,7 +37,7 @@ def machine(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def set_up(checkout: Path, path: Path, *steps: str, python: str = "") -> tuple[int, list[str]]:
-    """Run the script with the given PATH; return its exit status and the lines it printed."""
+    """Run the script with the given PATH; return its exit status and output lines."""
     result = subprocess.run(
         [str(checkout / "scripts" / "setup.sh"), *steps],
         env={"PATH": str(path), "HOME": os.environ.get("HOME", "/"), "PYTHON": python},
@@ -61,7 +61,7 @@ def test_missing_tool_is_named_in_one_line(
     assert named in lines[0]
 
 
-def test_missing_tool_is_noticed_before_anything_is_made(checkout: Path, machine: Path) -> None:
+def test_missing_tool_is_noticed_before_anything_is_created(checkout: Path, machine: Path) -> None:
     (machine / "g++").unlink()
     set_up(checkout, machine)
     assert not (checkout / ".venv").exists()
@@ -97,7 +97,7 @@ def test_finished_step_is_not_run_again(checkout: Path, machine: Path) -> None:
     assert set_up(checkout, machine, "venv") == (0, [])
 
 
-def test_environment_whose_installation_was_cut_off_is_made_afresh(
+def test_environment_whose_installation_was_interrupted_is_recreated(
     checkout: Path, machine: Path
 ) -> None:
     set_up(checkout, machine, "venv")
@@ -108,7 +108,7 @@ def test_environment_whose_installation_was_cut_off_is_made_afresh(
     assert (status, leftover.exists()) == (0, False)
 
 
-def test_moved_environment_is_made_afresh(checkout: Path, machine: Path) -> None:
+def test_moved_environment_is_recreated(checkout: Path, machine: Path) -> None:
     set_up(checkout, machine, "venv")
     moved = checkout.rename(checkout.with_name(f"{checkout.name}-moved"))
     set_up(moved, machine, "venv")

@@ -1,4 +1,4 @@
-"""The ROS 2 way: a colcon workspace and a pip prefix, each made from a copy of the checkout."""
+"""Installation with colcon and pip, each from a copy of the checkout."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
 
 @dataclass(frozen=True)
 class Installation:
-    """Where the package was installed, and what to source (or set) before it is used."""
+    """Where the package was installed, and what to source or set before use."""
 
     prefix: Path
     before: str
@@ -53,7 +53,7 @@ class Installation:
     def bash(self, script: str, timeout: float = 60) -> subprocess.CompletedProcess[str]:
         """Run a script in a shell in which the installation is found.
 
-        The shell leads a process group, which is ended as a whole when the time is up.
+        The shell leads a process group, which is killed as a whole at the timeout.
         """
         process = subprocess.Popen(
             ["bash", "-c", f"{self.before}\n{script}"],
@@ -86,7 +86,7 @@ def plain_environment() -> dict[str, str]:
 
 def copy_of_checkout(folder: Path) -> Path:
     def ignore(where: str, names: list[str]) -> list[str]:
-        """Leave out at the top what git ignores there: the package has a folder `core/runs` of its own."""
+        """Skip what git ignores, but only at the top level: the package has its own folder `core/runs`."""
         left_out = {*NOT_COPIED} if Path(where) == ROOT else {"__pycache__"}
         return [name for name in names if name in left_out]
 
@@ -119,7 +119,7 @@ def workspace(tmp_path_factory: pytest.TempPathFactory) -> Installation:
 
 @pytest.fixture(scope="module")
 def symlinked(tmp_path_factory: pytest.TempPathFactory) -> Installation:
-    """Return a workspace of pga_me_ros alone, made of links to its sources."""
+    """Return a workspace with only pga_me_ros, linked to its sources."""
     checkout = copy_of_checkout(tmp_path_factory.mktemp("symlinked"))
     run("colcon build --symlink-install --packages-select pga_me_ros", checkout)
     sourced = f". {sys.prefix}/setup.bash; . {checkout}/install/setup.bash"
@@ -128,7 +128,7 @@ def symlinked(tmp_path_factory: pytest.TempPathFactory) -> Installation:
 
 @pytest.fixture(scope="module")
 def prefix(tmp_path_factory: pytest.TempPathFactory) -> Installation:
-    """Return a prefix that pip installed pga_me_ros into."""
+    """Return a prefix into which pip installed pga_me_ros."""
     folder = tmp_path_factory.mktemp("pip")
     checkout, prefix = copy_of_checkout(folder), folder / "prefix"
     run(

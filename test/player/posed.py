@@ -1,4 +1,4 @@
-"""Robots in some pose, and what PyBullet itself says of them."""
+"""Robots in some pose, and PyBullet's data about them."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Posed:
     state: RobotState
 
     def centers(self) -> dict[str, Transform]:
-        """Return the center of mass of each link, as our model has it."""
+        """Return the center of mass of each link according to our model."""
         poses = link_poses(self.reader.model, self.state)
         return {link.name: poses[link.name] @ link.center for link in self.reader.model.links[1:]}
 
@@ -49,7 +49,7 @@ def posed(task_name: str) -> Iterator[Posed]:
 
 
 def centers_by_pybullet(client: int, body: int) -> dict[str, Transform]:
-    """Return the center of mass of each link by its name, as PyBullet has it."""
+    """Return the center of mass of each link by name, according to PyBullet."""
     root = pybullet.getBodyInfo(body, client)[0].decode()
     found = {root: Transform(*pybullet.getBasePositionAndOrientation(body, client))}
     for index in range(pybullet.getNumJoints(body, client)):

@@ -147,7 +147,11 @@ def not_finite(k: int) -> bytes:
     ("messages", "options", "said"),
     [
         ([], [], "holds no experience"),
-        ([transitions(0)], ["--task", "qd_walker"], "recorded with task 'qd_hopper', but the critics"),
+        (
+            [transitions(0)],
+            ["--task", "qd_walker"],
+            "recorded with task 'qd_hopper', but the critics",
+        ),
         (
             [transitions(0)],
             ["--run-id", "b"],
