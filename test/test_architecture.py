@@ -1,4 +1,4 @@
-"""The house rules: which way dependencies point, how long files are, and that the docs name what is there."""
+"""The house rules: which way dependencies point, how long files are, and that the docs name only what exists."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = "pga_me_ros"
 LONGEST = 330
-"""Lines of the longest source file; about 300 is the aim."""
+"""Maximum lines of a source file; the aim is about 300."""
 
 ROOTS = {"errors", "arrays"}
-"""Files at the top of the package that everybody may import; they import none of its rooms."""
+"""Files at the top of the package that every room may import; they import no room."""
 
 FACE = {"library"}
-"""What Python users import; it may import everything, and no room imports it."""
+"""The module for Python users; it may import everything, and no room imports it."""
 
 MAY_IMPORT = {
     "tasks": set(),
@@ -91,7 +91,7 @@ MAY_IMPORT = {
     "replay": {"core*", "process", "recording", "ros", "tasks"},
     "experiment": {"core*", "process", "reevaluate", "ros", "tasks"},
 }
-"""What each room may import besides itself; ``core*`` is every room of core. docs/design.md says why."""
+"""What each room may import besides itself; ``core*`` means every room of core. docs/design.md says why."""
 
 ROS_ROOMS = {
     "ros",
@@ -116,15 +116,15 @@ TORCH = {
     "export",
     "replay",
 }
-"""Rooms and files that may import torch by themselves; everything else stays light."""
+"""Rooms and files that may import torch directly; everything else stays light."""
 
 PYBULLET = {"tasks/bullet", "tasks/body", "player", "render", "reevaluate"}
 
 ONLY_DATA_OF_TASKS = {"protocol", "rollout", "spec"}
-"""What core may know of tasks: what a task is and what an episode is, not which there are."""
+"""What core may know about tasks: what a task and an episode are, but not which tasks exist."""
 
 IN_CORE = {"search", "plan", "evaluation", "batch", "snapshot", "operators", "rng", "__init__"}
-"""The files beside the rooms of core: they tell the algorithm."""
+"""The files of core outside its rooms: the algorithm itself."""
 
 NODES = {
     "archive_manager",
@@ -211,7 +211,7 @@ def test_there_is_no_import_circle():
         pytest.fail(" -> ".join(error.args[1]))
 
 
-def test_core_knows_what_a_task_is_but_no_task():
+def test_core_imports_no_particular_task():
     wrong = {
         (m, other)
         for m, path in MODULES.items()
@@ -222,11 +222,11 @@ def test_core_knows_what_a_task_is_but_no_task():
     assert wrong == set()
 
 
-def test_beside_the_rooms_of_core_are_the_files_that_tell_the_algorithm():
+def test_core_has_only_the_files_of_the_algorithm_outside_its_rooms():
     assert {path.stem for path in (ROOT / PACKAGE / "core").glob("*.py")} == IN_CORE
 
 
-def test_nodes_holds_the_nodes_and_nothing_else():
+def test_nodes_contains_only_the_nodes():
     assert {path.stem for path in (ROOT / PACKAGE / "nodes").glob("*.py")} == {*NODES, "__init__"}
 
 
@@ -261,14 +261,14 @@ def test_files_stay_short_enough_to_read():
     assert {n: length for n, length in lengths.items() if length > LONGEST} == {}
 
 
-def test_no_file_is_a_drawer_for_anything():
+def test_no_file_has_a_catch_all_name():
     drawers = {"utils", "util", "helpers", "helper", "common", "misc"}
     files = [*SOURCES, *(ROOT / "test").rglob("*.py")]
     assert [path for path in files if path.stem in drawers] == []
 
 
 def documented_names() -> list[str]:
-    """Return the code that the tables of docs/algorithm.md name, as ``package.module:attribute``."""
+    """Return the code named in the tables of docs/algorithm.md, as ``package.module:attribute``."""
     document = (ROOT / "docs" / "algorithm.md").read_text()
     tables = document.partition("## From line to function")[2].partition("## Words")[0]
     found = []
@@ -281,7 +281,7 @@ def documented_names() -> list[str]:
 
 
 @pytest.mark.parametrize("where", sorted(set(documented_names())))
-def test_documented_functions_are_there(where):
+def test_documented_functions_exist(where):
     module, _, attributes = where.partition(":")
     found = importlib.import_module(module)
     for attribute in attributes.split("."):
@@ -290,7 +290,7 @@ def test_documented_functions_are_there(where):
 
 
 @pytest.mark.parametrize("document", ["algorithm.md", "algorithms.md", "tasks.md"])
-def test_links_of_the_docs_lead_somewhere(document):
+def test_links_of_the_docs_have_targets(document):
     targets = re.findall(r"\]\(([^)#]+)\)", (ROOT / "docs" / document).read_text())
     assert targets
     missing = [t for t in targets if "://" not in t and not (ROOT / "docs" / t).exists()]

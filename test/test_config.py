@@ -1,4 +1,4 @@
-"""Shipped configurations: what the nodes make of them is Table 1, in any namespace."""
+"""Supplied configurations give the nodes the settings of Table 1, in any namespace."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def path_of(task: str) -> Path:
 
 @pytest.fixture
 def context(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[Context]:
-    """A context whose command line names a configuration and a namespace."""
+    """Return a context whose command line has a configuration and a namespace."""
     task, namespace = request.param
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     arguments = ["--params-file", str(path_of(task)), "-r", f"__ns:={namespace}"]
@@ -49,7 +49,7 @@ def test_every_built_in_task_has_one() -> None:
 
 
 @in_namespaces("/", "/lab/two")
-def test_the_orchestrator_takes_the_paper_from_it(context: Context) -> None:
+def test_the_orchestrator_gets_the_papers_settings_from_it(context: Context) -> None:
     node = Node(
         "orchestrator", context=context, automatically_declare_parameters_from_overrides=True
     )
@@ -60,7 +60,7 @@ def test_the_orchestrator_takes_the_paper_from_it(context: Context) -> None:
 
 
 @in_namespaces("/")
-def test_an_evaluator_takes_its_task_from_it(context: Context) -> None:
+def test_an_evaluator_gets_its_task_from_it(context: Context) -> None:
     node = Node(
         "evaluator_x_1", context=context, automatically_declare_parameters_from_overrides=True
     )
@@ -70,7 +70,7 @@ def test_an_evaluator_takes_its_task_from_it(context: Context) -> None:
 
 
 @pytest.mark.parametrize("task", BUILT_IN)
-def test_it_holds_what_differs_from_the_defaults(task: str) -> None:
+def test_it_has_only_values_that_differ_from_the_defaults(task: str) -> None:
     content = yaml.safe_load(path_of(task).read_text())["/**"]["ros__parameters"]
     assert content["task"] == task
     assert Settings(**content).given.items() <= content.items()

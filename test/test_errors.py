@@ -1,4 +1,4 @@
-"""Errors: one family, and hints at what was meant."""
+"""Errors: one base class, and suggestions for misspelled names."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pga_me_ros.errors import PgaError, nearest_name
     "kind",
     ["SettingsError", "TaskError", "NetworkError", "ArchiveError", "StorageError", "RequestError"],
 )
-def test_every_error_is_caught_as_one_family_and_as_a_value_error(kind):
+def test_every_error_is_a_pga_error_and_a_value_error(kind):
     error = getattr(errors, kind)("text")
     assert isinstance(error, PgaError)
     assert isinstance(error, ValueError)
@@ -23,5 +23,5 @@ def test_the_nearest_name_is_suggested():
     assert nearest_name("qd_wlker", ["qd_ant", "qd_walker"]) == " (did you mean 'qd_walker'?)"
 
 
-def test_nothing_is_suggested_for_a_name_like_no_other():
+def test_nothing_is_suggested_for_a_name_unlike_all_others():
     assert nearest_name("zebra", ["qd_ant", "qd_walker"]) == ""

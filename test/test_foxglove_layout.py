@@ -1,4 +1,4 @@
-"""The Foxglove layout shows topics and fields that the graph has."""
+"""The Foxglove layout shows topics and fields that exist in the graph."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ TOPICS = {f"/{name.removeprefix('/')}": kind for name, kind in TYPES.items()}
 
 
 def strings(part: Any) -> Iterator[str]:
-    """Yield all keys and values that are text."""
+    """Yield all keys and values that are strings."""
     if isinstance(part, str):
         yield part
     elif isinstance(part, dict):
@@ -47,7 +47,7 @@ def strings(part: Any) -> Iterator[str]:
 
 
 def fields(key: str, part: Any = LAYOUT) -> list[Any]:
-    """Return all values that a key has anywhere."""
+    """Return all values of a key, anywhere in the layout."""
     if isinstance(part, list):
         return [value for entry in part for value in fields(key, entry)]
     if not isinstance(part, dict):
@@ -60,14 +60,14 @@ PATHS = sorted({text for text in strings(LAYOUT) if text.startswith("/")})
 
 
 @pytest.mark.parametrize("path", PATHS)
-def test_every_topic_and_field_is_there(path: str) -> None:
+def test_every_topic_and_field_exists(path: str) -> None:
     topic, *parts = path.split(".")
     kind = TOPICS[topic]
     for part in parts:
         assert part in kind.get_fields_and_field_types()
 
 
-def test_what_a_run_and_a_player_show_is_on_it() -> None:
+def test_it_shows_the_topics_of_a_run_and_a_player() -> None:
     shown = {path.partition(".")[0] for path in PATHS}
     assert shown >= {"/repertoire/heatmap", "/repertoire/metrics", "/robot_description"}
     assert shown >= {"/diagnostics", "/progress"}
@@ -75,14 +75,14 @@ def test_what_a_run_and_a_player_show_is_on_it() -> None:
     assert plotted >= {"coverage", "qd_score", "max_fitness"}
 
 
-def test_every_topic_is_given_in_full() -> None:
+def test_every_topic_has_its_full_name() -> None:
     keys = ("imageTopic", "topic", "topicPath", "topicToRender", "value")
     given = [value for key in keys for value in fields(key)]
     assert len(given) == 8
     assert set(given) <= set(PATHS)
 
 
-def test_the_robot_is_seen_in_the_players_frames() -> None:
+def test_the_robot_is_shown_in_the_players_frames() -> None:
     (panel,) = [v for k, v in LAYOUT["configById"].items() if k.startswith("3D!")]
     assert (panel["followTf"], panel["fixedFrame"]) == (BASE_LINK, WORLD)
     assert set(fields("frameId")) == {WORLD}

@@ -1,4 +1,4 @@
-"""The package as a library: its names, and stored runs in scripts and notebooks."""
+"""The package as a library: its public names, and stored runs in scripts and notebooks."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def saved(search: Search, tmp_path_factory: pytest.TempPathFactory) -> StoredRun
     return save_run(tmp_path_factory.mktemp("saved") / "run", search)
 
 
-def test_every_public_name_is_there_and_listed() -> None:
+def test_every_public_name_exists_and_is_listed() -> None:
     assert set(pga_me_ros.__all__) <= set(dir(pga_me_ros))
     for name in pga_me_ros.__all__:
         assert getattr(pga_me_ros, name).__doc__
@@ -84,7 +84,7 @@ def test_a_saved_search_is_a_run_like_any_other(search: Search, saved: StoredRun
     assert len(rows) == 1 + len(search.metrics)
 
 
-def test_a_saved_search_without_critics_can_go_on(saved: StoredRun) -> None:
+def test_a_saved_search_without_critics_can_resume(saved: StoredRun) -> None:
     directory = open_run(saved.file.parent, saved.spec, SETTINGS.replace(evaluations=30))
     directory.lock.release()
     assert (directory.run_id, directory.next_generation) == (saved.info.run_id, 2)
@@ -98,7 +98,7 @@ def test_what_cannot_be_saved_is_refused(search: Search, saved: StoredRun, tmp_p
     assert not (tmp_path / "run").exists()
 
 
-def test_a_rollout_repeats_the_evaluation_or_begins_in_another_pose(saved: StoredRun) -> None:
+def test_a_rollout_repeats_the_evaluation_or_starts_from_another_pose(saved: StoredRun) -> None:
     behavior = saved.choose()
     again = saved.rollout(behavior)
     assert (again.fitness, again.length) == (behavior.fitness, behavior.steps)

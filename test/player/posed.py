@@ -59,7 +59,7 @@ def centers_by_pybullet(client: int, body: int) -> dict[str, Transform]:
 
 
 def distance(a: Transform, b: Transform) -> float:
-    """Return the greatest difference between the numbers of two poses; q and -q are the same rotation."""
+    """Return the largest difference between the numbers of two poses; q and -q are the same rotation."""
     turned = min(
         np.abs(np.subtract(a.rotation, b.rotation)).max(),
         np.abs(np.add(a.rotation, b.rotation)).max(),

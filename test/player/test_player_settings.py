@@ -1,4 +1,4 @@
-"""Which gait the player's parameters ask for."""
+"""Which gait the player's parameters choose."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def test_the_choice_follows_from_what_is_given(
         ({"select": "descriptor"}, "no descriptor is given"),
     ],
 )
-def test_contradictions_are_told(given: dict[str, Any], message: str) -> None:
+def test_contradictions_are_reported(given: dict[str, Any], message: str) -> None:
     with pytest.raises(SettingsError, match=message):
         wanted(values(**given))
 

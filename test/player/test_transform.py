@@ -1,4 +1,4 @@
-"""Rotations against scipy's."""
+"""Rotations compared with SciPy's."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ def test_angles_give_the_same_rotation(rotation: Rotation) -> None:
     assert (again * rotation.inv()).magnitude() < 1e-7
 
 
-def test_products_and_turned_vectors() -> None:
+def test_products_and_rotated_vectors() -> None:
     a, b = ROTATIONS[:2]
     product = Rotation.from_quat(multiply(quaternion(a), quaternion(b)))
     assert (product * (a * b).inv()).magnitude() < 1e-12
     assert rotate(quaternion(a), (1.0, 2.0, 3.0)) == pytest.approx(a.apply([1.0, 2.0, 3.0]))
 
 
-def test_a_turn_about_an_axis() -> None:
+def test_a_rotation_about_an_axis() -> None:
     axis = unit((1.0, -2.0, 0.5))
     expected = Rotation.from_rotvec(0.7 * np.array(axis))
     assert turn(axis, 0.7) == pytest.approx(expected.as_quat())
@@ -47,7 +47,7 @@ def test_a_turn_about_an_axis() -> None:
 @pytest.mark.parametrize(
     "to", [(0.0, 0.0, -2.0), (0.0, 0.0, 3.0), (1.0, 2.0, -0.5), (0.2, 0.0, 0.0)]
 )
-def test_z_is_turned_into_a_direction(to: tuple[float, float, float]) -> None:
+def test_z_is_rotated_into_a_direction(to: tuple[float, float, float]) -> None:
     assert rotate(from_z_to(to), (0.0, 0.0, 1.0)) == pytest.approx(unit(to))
 
 

@@ -1,4 +1,4 @@
-"""The robots' descriptions, loaded by PyBullet and held against the robots that it simulates."""
+"""The robots' descriptions, loaded by PyBullet and compared with the simulated robots."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def numbers(text: str) -> list[float]:
 
 
 def test_it_is_a_tree_with_an_empty_root(robot: Posed) -> None:
-    """What robot_state_publisher wants: one root, and it has no inertia."""
+    """robot_state_publisher needs one root without inertia."""
     root = ET.fromstring(urdf(robot.reader.model))
     links = {link.get("name"): link for link in root.iter("link")}
     children = [joint.find("child").get("link") for joint in root.iter("joint")]  # type: ignore[union-attr]
@@ -78,13 +78,11 @@ def test_it_is_a_tree_with_an_empty_root(robot: Posed) -> None:
     assert len(links[BASE_LINK]) == 0
 
 
-def test_rays_meet_the_same_shapes(robot: Posed, tmp_path: Path) -> None:
+def test_rays_hit_the_same_shapes(robot: Posed, tmp_path: Path) -> None:
     names = {
         index: name for name, index in link_indices(robot.body.client, robot.body.robot).items()
     }
-    for (
-        index
-    ) in names:  # the models have collisions among themselves switched off, for rays as well
+    for index in names:  # the models have self-collisions switched off, which also affects rays
         pybullet.setCollisionFilterGroupMask(robot.body.robot, index, 1, 1, robot.body.client)
     starts, ends = rays(robot)
     truth = hits(robot.body.client, robot.body.robot, starts, ends)
@@ -93,7 +91,7 @@ def test_rays_meet_the_same_shapes(robot: Posed, tmp_path: Path) -> None:
         seen = hits(client, body, starts, ends)
     both = [(a, b) for a, b in zip(truth, seen, strict=True) if a and b]
     assert len(both) > 100
-    # Grazing rays may miss one, and where links overlap in a joint either may be met first.
+    # Grazing rays may miss one of them, and where links overlap at a joint, either may be hit first.
     assert sum(bool(a) != bool(b) for a, b in zip(truth, seen, strict=True)) < 0.03 * len(both)
     same = [(a[1], b[1]) for a, b in both if names[a[0]] == copies[b[0]]]
     assert len(same) > 0.93 * len(both)
@@ -108,7 +106,7 @@ def link_indices(client: int, body: int) -> dict[str, int]:
 
 
 def rays(robot: Posed, count: int = 2000) -> tuple[list, list]:
-    """Return rays from all around and above towards places on the robot and beside it."""
+    """Return rays from all around and above toward points on the robot and next to it."""
     rng = np.random.default_rng(2)
     starts = rng.normal(size=(count, 3))
     starts *= 3.0 / np.linalg.norm(starts, axis=1, keepdims=True)
@@ -128,8 +126,8 @@ def hits(client: int, body: int, starts: list, ends: list) -> list[tuple | None]
 
 
 @pytest.mark.parametrize("file", ["r2d2.urdf", "franka_panda/panda.urdf"])
-def test_a_robot_of_ones_own_from_urdf(file: str, tmp_path: Path) -> None:
-    """These have turned frames of inertia, slides, boxes and meshes."""
+def test_a_users_robot_from_urdf(file: str, tmp_path: Path) -> None:
+    """These robots have rotated inertial frames, slides, boxes and meshes."""
     client = pybullet.connect(pybullet.DIRECT)
     path = f"{pybullet_data.getDataPath()}/{file}"
     body = pybullet.loadURDF(path, physicsClientId=client)

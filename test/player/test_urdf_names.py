@@ -1,4 +1,4 @@
-"""Links, joints and frames keep the names of the user's model; what is added takes a name that is free."""
+"""Links, joints and frames keep the names of the user's model; added ones get free names."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def read(path: Path, **of_body: object) -> Iterator[Posed]:
 
 
 def tree_of(model: RobotModel, state: RobotState) -> dict[str, str]:
-    """Return the parent of each frame in /tf and /tf_static, which must have one only and no loops."""
+    """Return the parent of each frame in /tf and /tf_static; each must have only one, without loops."""
     messages = RobotMessages(model)
     sent = [*messages.moving_frames(state, stamp_of(0)).transforms]
     sent += messages.fixed_frames(stamp_of(0)).transforms
@@ -121,7 +121,7 @@ def test_robots_keep_all_names_and_gain_one_link_and_one_joint(file: str, tmp_pa
         ("chassis", "cabin", "base_link", "odom"),
     ],
 )
-def test_what_is_added_takes_a_free_name(
+def test_added_frames_get_free_names(
     tmp_path: Path, root: str, body: str, base: str, world: str
 ) -> None:
     path = tmp_path / "robot.urdf"
@@ -142,7 +142,7 @@ def test_what_is_added_takes_a_free_name(
             assert distance(pose, copy[name]) < 1e-6, name
 
 
-def test_the_joint_that_is_added_takes_a_free_name(tmp_path: Path) -> None:
+def test_the_added_joint_gets_a_free_name(tmp_path: Path) -> None:
     path = tmp_path / "robot.urdf"
     path.write_text(robot_of("chassis", "cabin", weld="base_link_to_chassis"))
     with read(path) as robot:
@@ -154,7 +154,7 @@ def test_the_joint_that_is_added_takes_a_free_name(tmp_path: Path) -> None:
 @pytest.mark.parametrize("folder", [".", "with space", "50 % äöü #1"])
 @pytest.mark.parametrize("suffix", [".urdf", ".URDF", ".xml", ""])
 @pytest.mark.parametrize("relative", [False, True])
-def test_model_paths_of_every_sort(
+def test_model_paths_of_every_kind(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, folder: str, suffix: str, relative: bool
 ) -> None:
     home = tmp_path / folder
@@ -171,7 +171,7 @@ def test_model_paths_of_every_sort(
         assert Path(unquote(urlparse(mesh).path)) == home.resolve() / "leg.obj"
 
 
-def test_names_with_characters_of_xml_stay(tmp_path: Path) -> None:
+def test_names_with_xml_characters_are_kept(tmp_path: Path) -> None:
     path = tmp_path / "robot.urdf"
     path.write_text(robot_of("a &amp; b", "cab &quot;in&quot;", leg="Fuß"))
     with read(path) as robot:

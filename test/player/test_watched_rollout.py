@@ -1,4 +1,4 @@
-"""Whoever watches an episode, and however it is drawn, it stays the same episode."""
+"""Watching or drawing an episode does not change it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Child processes: their output is kept, their end is told, and they notice the end of their parent."""
+"""Child processes: their output is kept, their end is reported, and they notice the end of their parent."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def child(log: Path, program: str, **more: object) -> ChildProcess:
     return ChildProcess([sys.executable, "-c", program], log, **more)
 
 
-def test_the_last_line_of_this_process_alone_is_its_last_words(tmp_path: Path) -> None:
+def test_last_words_are_the_last_line_of_this_process(tmp_path: Path) -> None:
     log = tmp_path / "log"
     first = child(log, "print('hello'); print('error: no servo answers'); print(); exit(3)")
     assert first.wait()
@@ -27,7 +27,7 @@ def test_the_last_line_of_this_process_alone_is_its_last_words(tmp_path: Path) -
     assert (second.exit_code, second.last_words()) == (0, "")
 
 
-def test_it_can_be_waited_for_in_vain_and_sent_signals(tmp_path: Path) -> None:
+def test_waiting_for_it_can_time_out_and_it_can_be_sent_signals(tmp_path: Path) -> None:
     process = child(tmp_path / "log", "input()")
     assert not process.wait(0.01)
     assert process.alive
@@ -45,7 +45,7 @@ def test_its_input_ends_when_it_is_closed_here(tmp_path: Path) -> None:
     assert process.last_words() == "the end"
 
 
-def test_it_gets_variables_and_files_and_is_told_to_watch_its_parent(tmp_path: Path) -> None:
+def test_it_gets_variables_and_files_and_watches_its_parent(tmp_path: Path) -> None:
     reading, writing = os.pipe()
     program = (
         "import os; from pga_me_ros.process.parent_watch import PARENT_WATCH; "
@@ -58,7 +58,7 @@ def test_it_gets_variables_and_files_and_is_told_to_watch_its_parent(tmp_path: P
     os.close(writing)
 
 
-def test_a_killed_session_takes_what_the_process_has_started_with_it(tmp_path: Path) -> None:
+def test_killing_the_session_kills_its_children_too(tmp_path: Path) -> None:
     reading, writing = os.pipe()
     program = (
         "import subprocess, sys, os; "
@@ -70,7 +70,7 @@ def test_a_killed_session_takes_what_the_process_has_started_with_it(tmp_path: P
     assert os.read(reading, 1) == b"x", process.last_words()
     process.kill_session()
     assert process.wait()
-    assert os.read(reading, 1) == b""  # the last one that could write is gone
+    assert os.read(reading, 1) == b""  # the last process that could write is gone
     os.close(reading)
 
 

@@ -1,4 +1,4 @@
-"""A child ends when its parent does, from its first moment on."""
+"""A child ends when its parent does, from the moment it starts."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Signals that end a program: the first is noted, the second may interrupt, more change nothing."""
+"""Signals that end a program: the first is noted, the second may interrupt, further ones have no effect."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def test_a_signal_that_comes_before_a_wait_ends_it() -> None:
     assert process.wait() == 0
 
 
-def test_the_second_of_an_insistent_user_interrupts_and_more_change_nothing() -> None:
+def test_the_second_signal_may_interrupt_and_further_ones_have_no_effect() -> None:
     process = start(
         "signals = Signals(later=insist)\n"
         "try:\n"

@@ -1,4 +1,4 @@
-"""The line of progress in terminals of any width."""
+"""The progress line in terminals of any width."""
 
 from __future__ import annotations
 
@@ -41,15 +41,15 @@ def test_without_a_terminal_every_line_stays(capsys: pytest.CaptureFixture[str])
     assert capsys.readouterr().out == f"{line}a word\n{line}"
 
 
-def test_what_was_shown_is_kept_with_its_time(tmp_path: Path) -> None:
-    for _ in range(2):  # a run that is resumed goes on in the same file
+def test_output_is_logged_with_its_time(tmp_path: Path) -> None:
+    for _ in range(2):  # a resumed run appends to the same file
         terminal = Terminal()
         terminal.say("before the file")
         terminal.record(tmp_path / "orchestrator.log")
         terminal.show(PARTS)
         logger = CalmLogger(get_logger("terminal"), terminal)
         logger.warning("a leg is missing")
-        logger.warn("another one")  # as rclpy does of what a callback raises
+        logger.warn("another one")  # as rclpy does for exceptions in callbacks
         logger.fatal("fell over")
     lines = (tmp_path / "orchestrator.log").read_text().splitlines()
     assert [line.partition(" ")[2] for line in lines] == [

@@ -1,4 +1,4 @@
-"""A copy of the package in a temporary folder, changed as a recipe of CONTRIBUTING.md says."""
+"""A copy of the package in a temporary folder, changed according to a recipe of CONTRIBUTING.md."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class ChangedCopy:
     """The copy.
 
     Args:
-        folder: Where it is made.
+        folder: Its folder.
 
     Attributes:
         touched: Files that were written or changed, relative to the root of the project.
@@ -41,7 +41,7 @@ class ChangedCopy:
         self.touched.add(name)
 
     def insert(self, name: str, text: str, *, before: str = "", after: str = "") -> None:
-        """Insert text into a file, before or after a piece that is there exactly once."""
+        """Insert text into a file, before or after a piece that occurs exactly once."""
         path = self.folder / name
         content, place = path.read_text(), before or after
         assert content.count(place) == 1, f"{name}: {place!r}"
@@ -49,7 +49,7 @@ class ChangedCopy:
         self.touched.add(name)
 
     def run(self, program: str, *arguments: str) -> str:
-        """Run a Python program with the copy in place of the package, and return what it prints."""
+        """Run a Python program with the copy instead of the package, and return its output."""
         done = subprocess.run(
             [sys.executable, "-c", program, *arguments],
             env={**os.environ, "PYTHONPATH": str(self.folder)},
@@ -64,7 +64,7 @@ class ChangedCopy:
 
 
 def files_of_recipe(title: str) -> set[str]:
-    """Return the files that a recipe of CONTRIBUTING.md names in its list, with NAME in place of the new name."""
+    """Return the files in the list of a recipe of CONTRIBUTING.md, with NAME instead of the new name."""
     text = (ROOT / "CONTRIBUTING.md").read_text()
     section = text.partition(f"### {title}\n")[2].partition("\n### ")[0].partition("\n## ")[0]
     assert section, title

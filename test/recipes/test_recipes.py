@@ -1,4 +1,4 @@
-"""The recipes of CONTRIBUTING.md: each works, and takes no other files than those that it names."""
+"""The recipes of CONTRIBUTING.md: each works, and needs only the files that it names."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ def copy(tmp_path: Path) -> ChangedCopy:
 
 
 def named(copy: ChangedCopy, name: str) -> set[str]:
-    """Return the files that were touched, as a recipe names them."""
+    """Return the changed files as a recipe names them."""
     return {path.replace(name, "NAME") for path in copy.touched}
 
 
@@ -63,7 +63,7 @@ def test_a_new_operator(copy: ChangedCopy) -> None:
 
 
 def test_a_new_algorithm(copy: ChangedCopy) -> None:
-    add_operator(copy)  # what its offspring are made with
+    add_operator(copy)  # the operator of its offspring
     operators = set(copy.touched)
     core = "pga_me_ros/core"
     copy.write(
@@ -210,7 +210,7 @@ def test_a_new_node(copy: ChangedCopy) -> None:
     assert "hello" in copy.run(program)
 
 
-def test_a_new_task_takes_no_file_of_the_package(tmp_path: Path) -> None:
+def test_a_new_task_needs_no_file_of_the_package(tmp_path: Path) -> None:
     assert not any(name.startswith("pga_me_ros/") for name in files_of_recipe("A task"))
     copy = ChangedCopy(tmp_path)
     for file in (ROOT / "examples" / "my_robot").iterdir():

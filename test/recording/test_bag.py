@@ -1,4 +1,4 @@
-"""Recordings as files: what others read from them, and what is said of those that are none."""
+"""Recordings as files: what other programs read from them, and errors for invalid ones."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ METRICS = type_name(Metrics)
 TOPIC = "/left/repertoire/metrics"
 
 
-# Once: the bytes between fields are by chance.
+# Only once, because the padding between fields is arbitrary.
 MESSAGES = [
     serialize_message(Metrics(run_id="run", task="qd_walker", generation=k)) for k in range(3)
 ]
@@ -28,7 +28,7 @@ MESSAGES = [
 
 @pytest.fixture
 def bag(tmp_path: Path) -> Path:
-    """A recording of three messages."""
+    """Return a recording of three messages."""
     writer = BagWriter(tmp_path / "bag")
     writer.add(TOPIC, METRICS, qos.LATCHED)
     for message in MESSAGES:
@@ -42,7 +42,7 @@ def read(bag: Path) -> list[bytes]:
     return [found.data for found in read_bag(bag, [METRICS])]
 
 
-def test_what_was_written_is_read(bag: Path) -> None:
+def test_written_messages_are_read_back(bag: Path) -> None:
     found = list(read_bag(bag, [METRICS, type_name(Transitions)]))
     assert [m.data for m in found] == MESSAGES
     assert {(m.topic, m.type_name) for m in found} == {(TOPIC, METRICS)}
@@ -65,7 +65,7 @@ def test_another_reader_decodes_it_from_the_definitions_in_the_file(bag: Path) -
 
 
 @pytest.mark.parametrize("kind", [Transitions, Metrics, Progress])
-def test_the_hash_of_a_type_is_that_of_its_definition(kind: type) -> None:
+def test_the_hash_of_a_type_matches_its_definition(kind: type) -> None:
     of = definition(type_name(kind))
     store = get_typestore(Stores.EMPTY)
     store.register(get_types_from_msg(of.text, type_name(kind)))
@@ -79,7 +79,7 @@ def test_an_existing_folder_is_refused(bag: Path) -> None:
     assert (bag / "bag.mcap").read_bytes() == before
 
 
-def test_a_folder_that_cannot_be_made_is_told(tmp_path: Path) -> None:
+def test_a_folder_that_cannot_be_made_is_reported(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     with pytest.raises(StorageError, match=r"cannot be written \(Not a directory\)"):
         BagWriter(tmp_path / "file" / "bag")
@@ -133,7 +133,7 @@ def other_fields(bag: Path) -> None:
         (other_fields, "with other fields than the type installed here"),
     ],
 )
-def test_what_is_no_sound_recording_is_told_in_a_line(bag: Path, damage, said: str) -> None:
+def test_an_invalid_recording_is_reported_in_one_line(bag: Path, damage, said: str) -> None:
     damage(bag)
     with pytest.raises(StorageError, match=said) as raised:
         read(bag)
@@ -141,7 +141,7 @@ def test_what_is_no_sound_recording_is_told_in_a_line(bag: Path, damage, said: s
 
 
 def test_a_recording_without_our_digests_is_read(bag: Path) -> None:
-    # As `ros2 bag record` makes it.
+    # As made by `ros2 bag record`.
     metadata = bag / "metadata.yaml"
     metadata.write_text(metadata.read_text().replace("sha256 of", "of no meaning"))
     assert len(read(bag)) == 3
@@ -155,12 +155,12 @@ def test_without_the_library_the_error_says_what_to_install(
         BagWriter(tmp_path / "bag")
 
 
-def test_a_type_without_definition_is_told() -> None:
+def test_a_type_without_definition_is_reported() -> None:
     with pytest.raises(StorageError, match=r"definition of no_msgs/msg/Nothing cannot be found"):
         definition("no_msgs/msg/Nothing")
 
 
-def test_definitions_name_all_types_that_they_are_made_of() -> None:
+def test_definitions_include_all_nested_types() -> None:
     text = definition("nav_msgs/msg/OccupancyGrid").text
     named = {line.removeprefix("MSG: ") for line in text.splitlines() if line.startswith("MSG: ")}
     assert {"std_msgs/Header", "nav_msgs/MapMetaData", "geometry_msgs/Quaternion"} <= named

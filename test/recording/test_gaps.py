@@ -1,4 +1,4 @@
-"""Which episodes a recording lacks."""
+"""Missing episodes of a recording."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def seen(*ids: int, committed: int | None = None) -> SeenEpisodes:
         (seen(12, 14, 15, committed=16), [13]),
     ],
 )
-def test_only_what_was_over_and_is_not_here_is_missing(episodes, missing) -> None:
+def test_only_episodes_of_finished_generations_can_be_missing(episodes, missing) -> None:
     assert episodes.missing() == missing
 
 
@@ -35,6 +35,6 @@ def test_repeated_episodes_are_counted() -> None:
     assert seen(4, 5, 4, 4).repeated == 2
 
 
-def test_ids_are_told_as_ranges() -> None:
+def test_ids_are_shown_as_ranges() -> None:
     assert ranges([3, 7, 8, 9, 11]) == "3, 7-9, 11"
     assert ranges(range(0, 40, 2)) == "0, 2, 4, 6, 8, 10, 12, 14 and 12 more ranges"

@@ -1,4 +1,4 @@
-"""The first fields of messages are what the middleware wrote, wherever alignment puts them."""
+"""The first fields of messages are read as the middleware wrote them, whatever their alignment."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def test_the_evaluations_of_metrics(run_id, task, evaluations) -> None:
     assert committed_evaluations(serialize_message(msg)) == (run_id, evaluations)
 
 
-def test_what_is_cut_off_or_no_message_is_refused() -> None:
+def test_truncated_messages_and_other_bytes_are_refused() -> None:
     data = serialize_message(Transitions(run_id="a", task="b", evaluator="c"))
     head_ends = data.index(b"c\0") + 2 + 4 * 8
     for end in range(head_ends):

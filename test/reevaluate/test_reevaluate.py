@@ -1,4 +1,4 @@
-"""Re-evaluations of a stored run: what they are, that they last, and that more can be added."""
+"""Re-evaluations of a stored run: their content, their durability, and adding more."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ from pga_me_ros.tasks.rollout import rollout
 
 @pytest.fixture(scope="module")
 def run(hopper_run: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A run whose elites were all re-evaluated three times."""
+    """Return a run whose elites were all re-evaluated three times."""
     copied = Path(shutil.copytree(hopper_run, tmp_path_factory.mktemp("again") / "run"))
     print(reevaluate(copied, 3, processes=2))
     return copied
@@ -56,7 +56,7 @@ def load(run: Path) -> tuple[Archive, Reevaluations]:
     return archive, rows
 
 
-def test_each_row_is_what_the_controller_does_from_the_pose_of_its_repeat(run: Path) -> None:
+def test_each_row_is_the_controllers_result_from_the_pose_of_its_repeat(run: Path) -> None:
     archive, rows = load(run)
     elites = set(rows.evaluation.tolist())
     pairs = set(zip(rows.evaluation.tolist(), rows.repeat.tolist(), strict=True))
@@ -64,10 +64,10 @@ def test_each_row_is_what_the_controller_does_from_the_pose_of_its_repeat(run: P
     assert len(elites) == archive.coverage
     assert_rows_hold(run, rows, range(len(rows.fitness)))
     of_one = rows.fitness[rows.evaluation == rows.evaluation[0]]
-    assert len(set(of_one.tolist())) == 3, "the poses are not different ones"
+    assert len(set(of_one.tolist())) == 3, "the poses do not differ"
 
 
-def test_statistics_are_those_of_the_rows(run: Path) -> None:
+def test_statistics_match_the_rows(run: Path) -> None:
     archive, rows = load(run)
     known = rows.statistics(archive)
     for cell in archive.filled_cells().tolist():
@@ -81,7 +81,7 @@ def test_statistics_are_those_of_the_rows(run: Path) -> None:
     assert np.isnan(known.mean_fitness[empty]).all()
 
 
-def test_more_repeats_are_added_to_those_that_are_there(run: Path, fresh: Path) -> None:
+def test_more_repeats_are_added_to_existing_ones(run: Path, fresh: Path) -> None:
     shutil.copy(run / FILE, fresh)
     content = (fresh / REPERTOIRE).read_bytes()
     reevaluate(fresh, 5, best=2, processes=1)
@@ -98,7 +98,7 @@ def test_nothing_is_done_twice(run: Path) -> None:
     assert "3 times or more" in said
 
 
-def test_the_best_of_every_generation_is_found_again(new_run: Callable[..., Path]) -> None:
+def test_the_best_of_every_generation_is_re_evaluated(new_run: Callable[..., Path]) -> None:
     run = new_run(evaluations=60, seed=6)
     with Repertoire.open(run / REPERTOIRE, read_only=True) as repertoire:
         metrics, bests = repertoire.metrics(), repertoire.bests()
@@ -117,13 +117,13 @@ def test_the_best_of_every_generation_is_found_again(new_run: Callable[..., Path
     task.close()
     assert fitness_differences(metrics, rows, 2).tolist() == expected
     assert f"(difference {expected[-1]:.1f})" in said
-    # What is not there as often as asked for is not known.
+    # Values with fewer repeats than requested are unknown.
     assert np.isnan(fitness_differences(metrics, rows, 3)).all()
 
 
 @contextmanager
 def started(run: Path) -> Iterator[subprocess.Popen[str]]:
-    """Start more re-evaluations than anybody would wait for, and wait until the first ones are stored."""
+    """Start a very large number of re-evaluations, and wait until the first ones are stored."""
     command = [sys.executable, "-m", "pga_me_ros.reevaluate", str(run), "--repeats", "20000"]
     command += ["--processes", "1"]
     process = subprocess.Popen(
@@ -132,7 +132,7 @@ def started(run: Path) -> Iterator[subprocess.Popen[str]]:
         stderr=subprocess.PIPE,
         text=True,
         start_new_session=True,
-        # Tests in the background of a shell inherit that Ctrl-C is ignored, and so would this process.
+        # Background jobs of a shell ignore Ctrl-C; so do tests among them, and this process would inherit that.
         preexec_fn=partial(signal.signal, signal.SIGINT, signal.SIG_DFL),
     )
     try:
@@ -147,7 +147,7 @@ def started(run: Path) -> Iterator[subprocess.Popen[str]]:
 
 
 def assert_rows_hold(run: Path, rows: Reevaluations, places: Iterable[int]) -> None:
-    """Make sure that rows are what their controllers do, simulated in this process."""
+    """Make sure that rows match simulations of their controllers in this process."""
     with Repertoire.open(run / REPERTOIRE, read_only=True) as repertoire:
         archive, info = repertoire.load_archive(), repertoire.info
     task = make_task("qd_hopper")
@@ -171,7 +171,7 @@ def test_ctrl_c_keeps_what_was_done(fresh: Path) -> None:
     assert_rows_hold(fresh, rows, range(0, len(rows.fitness), 10))
 
 
-def test_a_killed_worker_is_told_in_one_line_and_nothing_is_lost(fresh: Path) -> None:
+def test_a_killed_worker_is_reported_in_one_line_and_nothing_is_lost(fresh: Path) -> None:
     with started(fresh) as process:
         children = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
         # The first child is multiprocessing's resource tracker.
@@ -231,7 +231,7 @@ def replace_by_text(file: Path) -> None:
         (leave_out, "lacks the array 'repeat'"),
     ],
 )
-def test_a_file_that_cannot_be_trusted_is_refused(
+def test_an_invalid_file_is_refused(
     run: Path, fresh: Path, harm: Callable[[Path], None], words: str
 ) -> None:
     shutil.copy(run / FILE, fresh)
@@ -252,7 +252,7 @@ def test_a_task_that_has_changed_is_not_simulated(
 
 
 @pytest.mark.parametrize("numbers", [{"repeats": 0}, {"best": 0}, {"processes": -1}])
-def test_numbers_that_make_no_sense_are_refused(run: Path, numbers: dict[str, int]) -> None:
+def test_invalid_numbers_are_refused(run: Path, numbers: dict[str, int]) -> None:
     (name,) = numbers
     with pytest.raises(RequestError, match=f"--{name} is"):
         reevaluate(run, **{"repeats": 1, **numbers})

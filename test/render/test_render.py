@@ -1,4 +1,4 @@
-"""Pictures of a small stored repertoire, drawn by the program itself and looked at."""
+"""Pictures of a small stored repertoire, drawn by the program and inspected."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ SETTINGS = Settings(
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a run of one generation of hoppers, really evaluated."""
+    """Return a run of one generation of hoppers with real evaluations."""
     folder = tmp_path_factory.mktemp("hop")
     shape = controller_shape(SPEC, SETTINGS)
     rng = np.random.default_rng(0)
@@ -83,7 +83,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def render(run: Path, capsys: pytest.CaptureFixture[str]) -> Iterator[Callable[..., str]]:
-    """Return a function that runs the program, checks that it succeeds, and returns what it said on the way."""
+    """Return a function that runs the program, checks that it succeeds, and returns its output."""
 
     def draw(*arguments: object) -> str:
         assert main([str(run), *map(str, arguments)]) == 0
@@ -102,7 +102,7 @@ def frames(path: Path) -> list[np.ndarray]:
 
 
 def robot(picture: np.ndarray) -> np.ndarray:
-    """Return where a picture has strong colors, as only the robot has."""
+    """Return where a picture has saturated colors, which only the robot has."""
     return picture.max(axis=2) - picture.min(axis=2) > 60
 
 
@@ -125,7 +125,7 @@ def test_a_gif_shows_the_robot_moving_and_well_in_the_picture(
     assert (first != last).sum() > 0.2 * first.sum()
 
 
-def test_a_gif_takes_as_long_as_the_episode(
+def test_a_gif_lasts_as_long_as_the_episode(
     run: Path, render: Callable[..., str], tmp_path: Path
 ) -> None:
     out = tmp_path / "gait.gif"
@@ -136,7 +136,7 @@ def test_a_gif_takes_as_long_as_the_episode(
             image.seek(k)
             durations.append(image.info["duration"])
     archive = StoredRun.load(run).archive
-    steps = 3 * (archive.best().steps // 3)  # a picture after every third
+    steps = 3 * (archive.best().steps // 3)  # a frame after every third step
     assert sum(durations[:-1]) == pytest.approx(1000 * 2 * steps * SPEC.control_period, abs=10)
 
 
@@ -157,7 +157,7 @@ def test_a_contact_sheet_has_a_row_per_gait(
             assert robot(sheet[top : top + 132, left : left + 176]).sum() > 150
 
 
-def test_the_gaits_of_a_sheet_lie_far_apart(run: Path) -> None:
+def test_the_gaits_of_a_sheet_are_far_apart(run: Path) -> None:
     archive = StoredRun.load(run).archive
     cells = spread_cells(archive, archive.filled_cells(), 3)
     values = archive.descriptors[cells][:, 0]
@@ -183,7 +183,7 @@ def test_the_gaits_of_a_sheet_lie_far_apart(run: Path) -> None:
         (["--start", "1e3"], "give a smaller start"),
     ],
 )
-def test_what_cannot_be_drawn_is_told_in_one_line(
+def test_what_cannot_be_drawn_is_reported_in_one_line(
     run: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], message: str
 ) -> None:
     assert main([str(run), *arguments]) == 2
@@ -192,8 +192,8 @@ def test_what_cannot_be_drawn_is_told_in_one_line(
     assert message in error
 
 
-def test_what_is_drawn_is_what_is_simulated() -> None:
-    """The copy that is posed for the picture covers the same pixels as the robot of the simulation."""
+def test_the_picture_shows_the_simulated_robot() -> None:
+    """The copy that is posed for the picture covers the same pixels as the simulated robot."""
     task = make_task("qd_walker")
     task.reset(np.random.default_rng(3))
     reader = BodyReader(task.body)  # type: ignore[attr-defined]

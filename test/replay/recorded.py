@@ -1,4 +1,4 @@
-"""A recording of a run that never was: episodes of chance, out of order and some of them twice."""
+"""A made-up recording: random episodes, out of order, some of them twice."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ RUN = "run-of-the-tests"
 
 
 def episode(evaluation: int) -> Episode:
-    """Return the episode of an evaluation: as long as it makes them differ."""
+    """Return the episode of an evaluation; its length depends on the evaluation."""
     rng = np.random.default_rng(evaluation)
     steps = 20 + 3 * evaluation
     return Episode(
@@ -53,7 +53,7 @@ def transitions(evaluation: int, of: Episode | None = None, **changes: Any) -> b
 
 
 def write(path: Path, messages: list[bytes], committed: int | None = COUNT) -> Path:
-    """Write a recording of transitions, and of metrics unless it is not known how far the run had come."""
+    """Write a recording of transitions, and of metrics unless `committed` is None."""
     writer = BagWriter(path)
     topics = {Transitions: "/experience/transitions", Metrics: "/repertoire/metrics"}
     for kind, topic in topics.items():
@@ -68,7 +68,7 @@ def write(path: Path, messages: list[bytes], committed: int | None = COUNT) -> P
 
 
 def shuffled() -> list[bytes]:
-    """Return all messages in an order of chance, three of them once more, as by another evaluator."""
+    """Return all messages in random order, three of them twice, as if from another evaluator."""
     order = np.random.default_rng(1).permutation(COUNT).tolist()
     again = [transitions(k, evaluator="/another") for k in order[:3]]
     return [transitions(k) for k in order] + again

@@ -1,4 +1,4 @@
-"""Critics trained on recordings: those that a run would have trained, and nothing is guessed."""
+"""Critics trained on recordings equal those of a run; what is unclear is refused."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def learned(settings: Settings, evaluations: range = range(COUNT)) -> dict[str, np.ndarray]:
-    """Return the state of a learner that was fed by hand."""
+    """Return the state of a learner that was given the episodes directly."""
     learner = CriticLearner(SPEC, settings)
     for generation in range(COUNT // BATCH):
         ids = range(generation * BATCH, (generation + 1) * BATCH)
@@ -49,7 +49,7 @@ def learned(settings: Settings, evaluations: range = range(COUNT)) -> dict[str, 
 
 
 def replayed(bag: Path, out: Path, *options: str) -> dict[str, np.ndarray]:
-    """Return the state that `replay` stored."""
+    """Return the state stored by `replay`."""
     assert main([str(bag), "--out", str(out), "--steps", str(STEPS), *OPTIONS, *options]) == 0
     found = CriticCheckpoints(out).before(COUNT)
     assert found is not None
@@ -62,7 +62,7 @@ def same(one: dict[str, np.ndarray], other: dict[str, np.ndarray]) -> bool:
     )
 
 
-def test_critics_are_those_of_a_learner_with_the_same_episodes(bag: Path, tmp_path: Path) -> None:
+def test_critics_equal_those_of_a_learner_with_the_same_episodes(bag: Path, tmp_path: Path) -> None:
     settings = Settings.from_mapping({**SMALL, "n_crit": STEPS})
     state = replayed(bag, tmp_path / "one")
     assert same(state, learned(settings))
@@ -80,7 +80,7 @@ def test_a_small_replay_buffer_holds_the_newest_transitions(bag: Path, tmp_path:
     assert json.loads((tmp_path / "out" / "statistics.json").read_text())["evaluations"] == [9, 11]
 
 
-def test_what_was_trained_on_what_is_told(
+def test_the_training_is_summarized(
     bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     replayed(bag, tmp_path / "out")
@@ -128,7 +128,7 @@ def test_an_incomplete_recording_trains_only_when_asked(
     assert not (tmp_path / "out").exists()
     replayed(bag, tmp_path / "out", "--incomplete")
     assert json.loads((tmp_path / "out" / "statistics.json").read_text())["episodes"] == 10
-    # What was before the recording began is not missing.
+    # Episodes from before the recording are not missing.
     late = write(tmp_path / "late", [transitions(k) for k in some])
     replayed(late, tmp_path / "other")
 
@@ -171,7 +171,7 @@ def not_finite(k: int) -> bytes:
         ([transitions(0)], ["--set", "algorithm=map_elites_es"], "map_elites_es learns no critics"),
     ],
 )
-def test_what_cannot_be_trained_on_is_told_in_a_line(
+def test_unusable_recordings_and_options_are_reported_in_one_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], messages, options, said: str
 ) -> None:
     bag = write(tmp_path / "bag", messages, committed=1)
@@ -182,7 +182,7 @@ def test_what_cannot_be_trained_on_is_told_in_a_line(
     assert told.count("\n") == 1
 
 
-def test_a_folder_with_something_in_it_is_refused(
+def test_a_folder_that_is_not_empty_is_refused(
     bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "mine").touch()

@@ -1,4 +1,4 @@
-"""Comparisons of stored runs: numbers against what was counted by hand, p-values against published samples."""
+"""Comparisons of stored runs: numbers computed by hand, p-values of published samples."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from pga_me_ros.report.comparison_table import comparison_table
 from pga_me_ros.tasks.registry import task_spec
 
 LUCK = 7.0
-"""How much the stored runs' best controllers lose on average when they are evaluated again."""
+"""How much fitness the stored runs' best controllers lose on average in re-evaluations."""
 
 BATCH = 2
 
@@ -51,7 +51,7 @@ def stored(
     seed: int = 1,
     reevaluated: bool = True,
 ) -> Path:
-    """Store a run with given fitness, a generation a row, each solution in a cell of its own; returns its folder."""
+    """Store a run with given fitness, one row per generation, each solution in its own cell; return its folder."""
     spec = task_spec(task)
     values = {"n_evo": 1} if algorithm == "pga_map_elites" else {}
     settings = Settings.from_mapping(
@@ -93,7 +93,7 @@ def stored(
 
 
 def again(bests: list, run_id: str, dimensions: int) -> Reevaluations:
-    """Return ten re-evaluations of each, with a spread, that are `LUCK` worse on average."""
+    """Return ten re-evaluations of each elite, with a spread, which are `LUCK` worse on average."""
     ids = np.repeat([best.evaluation for best in bests], 10).astype(np.int64)
     spread = np.tile(np.linspace(-1, 1, 10), len(bests))
     count = len(ids)
@@ -114,7 +114,7 @@ def rows(level: float) -> Float64Array:
 
 @pytest.fixture(scope="module")
 def experiment(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Folder of an experiment: three seeds of two systems on two tasks; one run is not finished, one not begun."""
+    """Return the folder of an experiment: three seeds of two systems on two tasks; some runs are unfinished."""
     folder = tmp_path_factory.mktemp("experiment")
     (folder / COPY).write_text(EXPERIMENT)
     for task in ("qd_walker", "qd_ant"):
@@ -133,13 +133,13 @@ def test_qd_scores_are_offset_by_the_lowest_fitness_of_all_runs_of_the_task(
 ) -> None:
     walker, ant = compare_experiment(experiment).tasks
     assert (walker.task, walker.offset, walker.evaluations) == ("qd_walker", 0.0, 6.0)
-    # rows(level + seed) sums up to 12 + 6 (level + seed) over six cells; the lowest of all is -1 + 0 + 1.
+    # The sum of rows(level + seed) over six cells is 12 + 6 (level + seed); the lowest of all is -1 + 0 + 1.
     assert walker.final("map_elites", "qd_score").tolist() == [18.0, 24.0, 30.0]
     assert walker.final("pga_map_elites", "qd_score").tolist() == [618.0, 624.0, 630.0]
     assert ant.final("pga_map_elites", "qd_score").tolist() == [618.0, 630.0]
 
 
-def test_an_elite_that_was_replaced_counts_as_the_lowest_of_all(tmp_path: Path) -> None:
+def test_a_replaced_elite_can_be_the_lowest_of_all(tmp_path: Path) -> None:
     run = ComparedRun.load(stored(tmp_path / "run", rows(0.0)))
     lower = replace(run, system="other", seed=2, lowest_fitness=-50.0)
     (task,) = compare([run, lower]).tasks
@@ -157,7 +157,7 @@ def test_curves_have_the_metrics_of_every_generation(experiment: Path) -> None:
     np.testing.assert_allclose(difference, LUCK)
 
 
-def test_what_is_not_finished_is_told_and_not_compared(experiment: Path) -> None:
+def test_unfinished_runs_are_reported_and_not_compared(experiment: Path) -> None:
     comparison = compare_experiment(experiment)
     ant = comparison.tasks[1]
     assert [run.seed for run in ant.systems["pga_map_elites"]] == [1, 3]
@@ -177,7 +177,7 @@ def test_the_table_has_medians_and_p_values_against_the_reference(experiment: Pa
     ]
 
 
-def test_runs_that_went_on_for_longer_are_compared_at_the_end_of_the_shortest(
+def test_longer_runs_are_compared_at_the_end_of_the_shortest(
     tmp_path: Path,
 ) -> None:
     longer = stored(tmp_path / "longer", rows(0.0), seed=1)
@@ -187,14 +187,14 @@ def test_runs_that_went_on_for_longer_are_compared_at_the_end_of_the_shortest(
     assert task.final("pga_map_elites", "coverage").tolist() == [4.0, 4.0]
 
 
-def test_what_was_not_evaluated_again_is_not_known(tmp_path: Path) -> None:
+def test_values_without_re_evaluations_are_unknown(tmp_path: Path) -> None:
     run = ComparedRun.load(stored(tmp_path / "run", rows(0.0), reevaluated=False))
     comparison = compare([run])
     assert len(comparison.tasks[0].final("pga_map_elites", "fitness_difference")) == 0
     assert comparison_table(comparison).splitlines()[2].endswith("| - | - |")
 
 
-def test_the_pictures_show_something(experiment: Path, tmp_path: Path) -> None:
+def test_the_pictures_are_not_empty(experiment: Path, tmp_path: Path) -> None:
     comparison = compare_experiment(experiment)
     files = draw_comparison(comparison, tmp_path)
     assert [file.name for file in files] == [
@@ -211,7 +211,7 @@ def test_the_pictures_show_something(experiment: Path, tmp_path: Path) -> None:
             assert len(np.unique(picture.reshape(-1, picture.shape[-1]), axis=0)) > 20
 
 
-def test_an_experiment_without_a_finished_run_is_told(tmp_path: Path) -> None:
+def test_an_experiment_without_a_finished_run_is_reported(tmp_path: Path) -> None:
     (tmp_path / COPY).write_text(EXPERIMENT)
     with pytest.raises(
         RequestError, match=r"12 are missing, the first: map_elites/qd_walker/1: not begun"
@@ -225,7 +225,7 @@ def test_a_run_cannot_be_compared_with_itself(experiment: Path) -> None:
         compared([path, path], asked=True)
 
 
-def test_an_experiment_is_compared_by_itself(experiment: Path) -> None:
+def test_an_experiment_is_compared_alone(experiment: Path) -> None:
     path = experiment / "map_elites" / "qd_walker" / "seed1"
     with pytest.raises(RequestError, match="give it alone"):
         compared([experiment, path], asked=False)
@@ -257,12 +257,12 @@ def test_the_command_compares_runs_and_writes_the_table(
 @pytest.mark.parametrize(
     ("first", "second", "p"),
     [
-        # Every rank-sum table's first line: 2 of the 20 ways to deal out six ranks are as extreme.
+        # The first line of any rank-sum table: 2 of the 20 ways to divide six ranks are as extreme.
         ([1, 2, 3], [4, 5, 6], 2 / 20),
         ([1, 2, 3, 4, 5], [6, 7, 8, 9, 10], 2 / 252),
-        # U = 2: 1 + 1 + 2 of the 20 ways have a U of 2 or less, as many of 7 or more.
+        # U = 2: 1 + 1 + 2 of the 20 ways have a U of 2 or less, and as many have 7 or more.
         ([1, 2, 5], [3, 4, 6], 8 / 20),
-        # Ties, by hand: of the 6 ways to deal out 1, 1, 1, 2 the sums are 2, 2, 2, 3, 3, 3: all are as extreme.
+        # Ties, by hand: the 6 ways to divide 1, 1, 1, 2 have the sums 2, 2, 2, 3, 3, 3, all as extreme.
         ([1, 1], [1, 2], 1.0),
         # Hollander & Wolfe, Nonparametric Statistical Methods: permeability of membranes, W = 30, one-sided 0.1272.
         (
@@ -273,14 +273,14 @@ def test_the_command_compares_runs_and_writes_the_table(
         ([5, 5], [5, 5, 5], 1.0),
     ],
 )
-def test_p_values_are_those_of_tables(first: list[float], second: list[float], p: float) -> None:
+def test_p_values_equal_those_in_tables(first: list[float], second: list[float], p: float) -> None:
     assert rank_sum_p(first, second) == pytest.approx(p, abs=5e-5)
     assert rank_sum_p(second, first) == pytest.approx(p, abs=5e-5)
 
 
 @pytest.mark.parametrize("sizes", [(3, 3), (3, 5), (8, 6)])
 @pytest.mark.parametrize("ties", [False, True])
-def test_p_values_of_few_runs_are_scipys(sizes: tuple[int, int], ties: bool) -> None:
+def test_p_values_of_few_runs_equal_scipys(sizes: tuple[int, int], ties: bool) -> None:
     rng = np.random.default_rng(sum(sizes))
     for _ in range(5):
         values = rng.integers(0, 6, sum(sizes)) if ties else rng.permutation(sum(sizes))

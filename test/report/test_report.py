@@ -63,7 +63,7 @@ def stored(folder: Path, task: str, seed: int) -> Path:
     return path
 
 
-def test_the_lineage_has_the_color_of_every_operator_that_left_an_elite(tmp_path: Path) -> None:
+def test_the_lineage_has_the_color_of_every_operator_with_an_elite(tmp_path: Path) -> None:
     run = StoredRun.load(stored(tmp_path, "qd_walker", 1))
     (_, svg) = draw_lineage(run, tmp_path)
     made = {elite.operator for elite in run.archive.elites()}
@@ -74,7 +74,7 @@ def test_the_lineage_has_the_color_of_every_operator_that_left_an_elite(tmp_path
     } == made
 
 
-def test_the_lineage_names_whatever_operator_left_an_elite(tmp_path: Path) -> None:
+def test_the_lineage_names_any_operator_with_an_elite(tmp_path: Path) -> None:
     run = StoredRun.load(stored(tmp_path, "qd_walker", 1))
     cells = run.archive.filled_cells()
     run.archive.operators[cells] = np.arange(len(cells)) % len(Operator)
@@ -86,13 +86,13 @@ def test_the_lineage_names_whatever_operator_left_an_elite(tmp_path: Path) -> No
         assert look(operator)[0] in drawing
 
 
-def test_operators_differ_in_color_or_mark_also_when_there_are_more() -> None:
+def test_operators_differ_in_color_or_mark_even_if_there_are_more() -> None:
     assert len({look(operator) for operator in range(3 * len(COLORS))}) == 3 * len(COLORS)
     assert len({look(operator)[0] for operator in Operator}) == len(Operator)
 
 
 @pytest.mark.parametrize("task", TASKS)
-def test_pictures_of_one_run_show_something(task: str, tmp_path: Path) -> None:
+def test_pictures_of_one_run_are_not_empty(task: str, tmp_path: Path) -> None:
     files = draw([StoredRun.load(stored(tmp_path, task, 1))], tmp_path)
     assert [file.name for file in files] == [
         f"{task}-1-archive.png",
@@ -126,7 +126,7 @@ def test_the_same_run_gives_the_same_drawing(tmp_path: Path) -> None:
     assert drawings[0] == drawings[1]
 
 
-def test_a_folder_without_a_run_is_told_in_one_line(tmp_path: Path) -> None:
+def test_a_folder_without_a_run_is_reported_in_one_line(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "pga_me_ros.report", str(tmp_path)]
     result = subprocess.run(command, capture_output=True, text=True, check=False, cwd=tmp_path)
     assert result.returncode == 2

@@ -1,6 +1,6 @@
 """Bad values for every parameter of every node, given to the real nodes in this process.
 
-``python test/ros/parameter_fuzz.py`` tries all values on all parameters, which takes minutes; ``--short`` one on each.
+``python test/ros/parameter_fuzz.py`` tries all values for all parameters, which takes minutes; ``--short`` one each.
 """
 
 from __future__ import annotations
@@ -35,14 +35,14 @@ from pga_me_ros.ros.process import run_node
 from pga_me_ros.tasks.registry import task_spec
 
 TOO_LONG = "x" * 300
-"""Name that no file system takes: looking for it fails."""
+"""Name that no file system allows, so that looking it up fails."""
 
 NOBODY = 65534
-"""User id without rights of its own."""
+"""User id without permissions."""
 
 
 def _orchestrator() -> Control:
-    """Start as an orchestrator does, up to its first child."""
+    """Start like an orchestrator, up to its first child."""
     control = Control()
     try:
         path = Path(control.options.run_dir or default_run_dir(control.settings))
@@ -67,7 +67,7 @@ NODES: dict[str, tuple[Program, Callable[[], Any], dict[str, Any]]] = {
 
 @dataclass(frozen=True)
 class Case:
-    """A parameter with a value as on a command line, which must be refused."""
+    """A parameter and a value, as on a command line, that must be refused."""
 
     node: str
     name: str
@@ -78,7 +78,7 @@ class Case:
 
 
 def bad_values(f: Field[Any]) -> Iterator[str]:
-    """Yield values that a parameter cannot have, the most telling ones first."""
+    """Yield invalid values of a parameter, the most informative ones first."""
     meta, default = f.metadata, f.default
     yield "[]"
     if meta["path"]:
@@ -110,7 +110,7 @@ def bad_values(f: Field[Any]) -> Iterator[str]:
 
 
 def cases(*, short: bool = False) -> Iterator[Case]:
-    """Yield all cases; or one for each parameter, another sort of value for each, and shared ones on one node alone."""
+    """Yield all cases, or one per parameter with varying kinds of values, and shared parameters on one node only."""
     seen: set[type] = set()
     turn = count()
     for node, (program, _, _) in NODES.items():
@@ -131,7 +131,7 @@ EMPTY_LISTS = (
 
 
 def outcome(node: str, **parameters: str) -> tuple[int, str]:
-    """Start a node with parameters and end it at once; return its exit code and what it printed as errors."""
+    """Start a node with parameters and end it at once; return its exit code and error output."""
     program, make, own = NODES[node]
 
     def once() -> Any:
@@ -148,7 +148,7 @@ def outcome(node: str, **parameters: str) -> tuple[int, str]:
 
 
 def fault(case: Case) -> str:
-    """Return what is wrong with how a case is refused, "" if nothing is."""
+    """Return what is wrong with the refusal of a case, "" if nothing is."""
     code, said = outcome(case.node, **{case.name: case.value})
     if code == 2 and said.startswith("error: ") and said.count("\n") == 1 and case.name in said:
         return ""
@@ -157,7 +157,7 @@ def fault(case: Case) -> str:
 
 @contextmanager
 def closed_folder() -> Iterator[Path]:
-    """Yield a folder below one that this process may not enter, whoever it is."""
+    """Yield a folder below one that this process may not enter, even as root."""
     root = os.geteuid() == 0
     with tempfile.TemporaryDirectory() as outside:
         inside = Path(outside) / "inside"
@@ -174,16 +174,16 @@ def closed_folder() -> Iterator[Path]:
 
 
 def path_cases(path: Path) -> Iterator[Case]:
-    """Yield cases that give a path to every parameter that takes one."""
+    """Yield cases with a path for every parameter that takes one."""
     for node, (program, _, _) in NODES.items():
         for f in (f for kind in program.parameters for f in fields(kind) if f.metadata["path"]):
             yield Case(node, f.name, str(path))
 
 
 def main() -> int:
-    """Try everything; returns the exit code."""
+    """Try everything; return the exit code."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--short", action="store_true", help="one value of each parameter")
+    parser.add_argument("--short", action="store_true", help="one value per parameter")
     short = parser.parse_args().short
     with tempfile.TemporaryDirectory() as folder:
         os.chmod(folder, 0o777)
@@ -196,7 +196,7 @@ def main() -> int:
             faults += [words for case in closed_cases if (words := fault(case))]
     for words in faults:
         print(f"WRONG: {words}")
-    print(f"{len(tried)} values of parameters, {len(faults)} refused otherwise than in one line")
+    print(f"{len(tried)} values of parameters, {len(faults)} not refused in one line")
     return 1 if faults else 0
 
 

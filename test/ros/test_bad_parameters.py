@@ -1,4 +1,4 @@
-"""Parameters and logging variables that cannot be: exit code 2 and one line that names them, whatever the node."""
+"""Invalid parameters and logging variables: exit code 2 and one line that names them, for any node."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def test_every_parameter_of_every_node_refuses_bad_values_in_one_line() -> None:
     assert int(done.stdout.splitlines()[-1].split()[0]) > len(parameters)
 
 
-def test_every_parameter_has_values_that_it_cannot_have() -> None:
+def test_every_parameter_has_invalid_values() -> None:
     for program, _, _ in NODES.values():
         for kind in program.parameters:
             assert all(len(list(bad_values(f))) >= 3 for f in fields(kind))
@@ -94,14 +94,14 @@ def test_an_archive_that_memory_cannot_hold_is_refused() -> None:
         EliteTable(1000, 2, 2**60, np.ones(2))
 
 
-def test_what_memory_or_the_disk_refuse_at_the_start_is_told_in_one_line(
+def test_errors_of_memory_or_disk_at_the_start_are_reported_in_one_line(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     for error in (MemoryError("Unable to allocate\n1 TiB"), PermissionError(13, "no", "/a/b")):
         assert report(error) == 2
         (line,) = capsys.readouterr().err.splitlines()
         assert line.startswith("error: ")
-        assert report(error, starting=False) == 1  # a fault of ours: all of it is told
+        assert report(error, starting=False) == 1  # an internal fault: reported in full
         assert type(error).__name__ in capsys.readouterr().err
 
 
@@ -109,13 +109,13 @@ def test_what_memory_or_the_disk_refuse_at_the_start_is_told_in_one_line(
     "variable",
     ["RCUTILS_COLORIZED_OUTPUT", "RCUTILS_LOGGING_BUFFERED_STREAM", "RCUTILS_LOGGING_USE_STDOUT"],
 )
-def test_logging_variables_that_ros_2_ends_on_are_refused(variable: str) -> None:
+def test_logging_variables_that_would_end_ros_2_are_refused(variable: str) -> None:
     prepare_environment({variable: "1"})
     with pytest.raises(SettingsError, match=f"^{variable} is 'yes'; expected 0 or 1"):
         prepare_environment({variable: "yes"})
 
 
-def test_a_log_folder_that_cannot_be_written_is_told_in_one_line(tmp_path: Path) -> None:
+def test_a_log_folder_that_cannot_be_written_is_reported_in_one_line(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     for variables in ({"RCUTILS_LOGGING_USE_STDOUT": "abc"}, {"ROS_LOG_DIR": "/proc"}):
         ended = subprocess.run(

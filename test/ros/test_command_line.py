@@ -29,13 +29,13 @@ PROGRAM = Program("orchestrator", "Leads.", (Settings, RunOptions))
         ("--ros-args -p task:=qd_ant -- qd_walker", "Unknown argument 'qd_walker'"),
     ],
 )
-def test_what_is_no_ros_argument_is_refused(arguments: str, words: str) -> None:
+def test_other_than_ros_arguments_are_refused(arguments: str, words: str) -> None:
     with pytest.raises(SettingsError, match=words):
         check(PROGRAM, arguments.split())
 
 
 @pytest.mark.parametrize("arguments", ["", "--ros-args", "--ros-args -p task:=qd_ant -r a:=b --"])
-def test_ros_arguments_pass(arguments: str) -> None:
+def test_ros_arguments_are_accepted(arguments: str) -> None:
     check(PROGRAM, arguments.split())
 
 
@@ -52,7 +52,7 @@ def test_a_node_has_the_name_it_is_remapped_to(arguments: str, name: str) -> Non
     assert node_name(PROGRAM, arguments.split()) == name
 
 
-def test_other_nodes_are_told_of_renamed_topics_and_services_but_not_of_names() -> None:
+def test_other_nodes_get_renamed_topics_and_services_but_not_node_names() -> None:
     words = "--ros-args -r __ns:=/a -r a/b:=c --remap boss:d:=/e -p seed:=1 -r boss:__node:=f"
     assert remappings(words.split()) == ["-r", "a/b:=c", "--remap", "boss:d:=/e"]
 
@@ -73,7 +73,7 @@ def test_help_is_printed_without_starting_ros(
     assert capsys.readouterr().out == PROGRAM.help()
 
 
-def test_help_tells_everything_about_a_parameter() -> None:
+def test_help_describes_a_parameter_completely() -> None:
     assert (
         "  n_evo* = -1 offspring; -1 to 100000; paper: n_evo\n"
         "      Offspring per generation by genetic variation; batch_size: standard MAP-Elites, 0: policy\n"
@@ -81,7 +81,7 @@ def test_help_tells_everything_about_a_parameter() -> None:
     ) in parameter_list(Settings)
 
 
-def test_a_table_tells_everything_about_a_parameter() -> None:
+def test_the_table_describes_a_parameter_completely() -> None:
     assert (
         "| `archive` | `cvt` | cvt or grid | | | | Cells: 'cvt' is a centroidal Voronoi "
         "tessellation (as coded by the authors), 'grid' has equal bins per dimension (as the paper "

@@ -1,4 +1,4 @@
-"""Messages and the core's types: there and back, and what is refused on the way."""
+"""Conversions between messages and the core's types, and what they refuse."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def assert_same_fields(got: Any, expected: Any) -> None:
             assert other == value, name
 
 
-def test_an_episode_comes_back_bit_for_bit() -> None:
+def test_an_episode_is_converted_bit_for_bit() -> None:
     assert_same_fields(convert.episode_from_msg(transitions(), SPEC), EPISODE)
 
 
@@ -121,7 +121,7 @@ NUMBERS = CRITIC.parameter_count + GREEDY.parameter_count
 @pytest.mark.parametrize(
     "snapshot", [SNAPSHOT, ES_SNAPSHOT, DIVERSE], ids=["critics", "evolution", "diversity"]
 )
-def test_a_snapshot_comes_back_bit_for_bit(snapshot: Snapshot) -> None:
+def test_a_snapshot_is_converted_bit_for_bit(snapshot: Snapshot) -> None:
     back = convert.snapshot_from_msg(convert.snapshot_to_msg(snapshot, "r"))
     assert_same_fields(back, snapshot)
 
@@ -150,7 +150,7 @@ def test_a_malformed_snapshot_is_refused(field: str, value: Any, error: type, wo
         convert.snapshot_from_msg(msg)
 
 
-def test_rates_come_back_in_other_settings() -> None:
+def test_rates_are_applied_to_other_settings() -> None:
     ours = Settings(n_evo=7, discount=0.5, target_period=3)
     back = convert.with_rates(Settings(seed=9), convert.rates_to_msg(ours))
     assert {n: getattr(back, n) for n in RATES} == {n: getattr(ours, n) for n in RATES}
@@ -172,7 +172,7 @@ def test_rates_out_of_range_are_refused() -> None:
         (Operator.RANDOM, (-1, -1), "random"),
     ],
 )
-def test_an_elite_names_who_made_it(
+def test_an_elite_has_the_name_of_its_operator(
     operator: Operator, parents: tuple[int, int], made_by: str
 ) -> None:
     elite = Elite(

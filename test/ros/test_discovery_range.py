@@ -1,4 +1,4 @@
-"""How far nodes are heard: on one machine they keep to it, unless told otherwise; and no pretended security."""
+"""Discovery range: nodes stay on their machine unless told otherwise; security is not faked."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def wait_until(true: Callable[[], bool], what: str) -> None:
 
 @contextmanager
 def node_of_ours(domain: int, log: Path, **variables: str) -> Iterator[subprocess.Popen[bytes]]:
-    """Start an evaluator in an environment that says nothing of range and profiles but what is given."""
+    """Start an evaluator in an environment without range and profiles, except those given."""
     filled_in = (DISCOVERY_RANGE, LOCALHOST_ONLY, *PROFILES, QOS_FROM_PROFILES)
     env = {k: v for k, v in os.environ.items() if k not in filled_in}
     env |= {"ROS_DOMAIN_ID": str(domain), **variables}
@@ -60,7 +60,7 @@ def node_of_ours(domain: int, log: Path, **variables: str) -> Iterator[subproces
 
 @contextmanager
 def node_of_a_user(domain: int, monkeypatch: pytest.MonkeyPatch) -> Iterator[rclpy.node.Node]:
-    """Make a plain node in this process, as ROS 2 makes it without being told a range: heard in the subnet."""
+    """Make a plain node in this process with ROS 2's default range, the subnet."""
     monkeypatch.delenv(DISCOVERY_RANGE, raising=False)
     context = Context()
     rclpy.init(context=context, domain_id=domain)
@@ -73,7 +73,7 @@ def node_of_a_user(domain: int, monkeypatch: pytest.MonkeyPatch) -> Iterator[rcl
 
 
 def udp_ports(pid: int) -> set[int]:
-    """Return the UDP ports that a process listens on, as the kernel knows them."""
+    """Return the UDP ports that a process listens on, according to the kernel."""
     links = [os.readlink(fd) for fd in Path(f"/proc/{pid}/fd").iterdir() if fd.is_symlink()]
     inodes = {link[8:-1] for link in links if link.startswith("socket:[")}
     rows = [row.split() for row in Path(f"/proc/{pid}/net/udp").read_text().splitlines()[1:]]
@@ -83,7 +83,7 @@ def udp_ports(pid: int) -> set[int]:
 @pytest.mark.parametrize(
     ("variables", "hears_subnet"), [({}, False), ({DISCOVERY_RANGE: "SUBNET"}, True)]
 )
-def test_a_node_listens_to_the_subnet_only_if_told_to_and_is_found_by_plain_nodes_anyway(
+def test_a_node_listens_to_the_subnet_only_if_told_to_but_plain_nodes_find_it(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     variables: dict[str, str],
@@ -100,7 +100,7 @@ def test_a_node_listens_to_the_subnet_only_if_told_to_and_is_found_by_plain_node
             ),
             f"the evaluator: {(tmp_path / 'log').read_text()}",
         )
-        # What DDS calls the metatraffic multicast port: multicast is how other machines are heard.
+        # DDS's metatraffic multicast port: other machines are discovered by multicast.
         multicast = 7400 + 250 * domain
         assert multicast in udp_ports(os.getpid())
         assert (multicast in udp_ports(process.pid)) == hears_subnet
@@ -115,9 +115,7 @@ def test_a_node_listens_to_the_subnet_only_if_told_to_and_is_found_by_plain_node
         ({LOCALHOST_ONLY: "0"}, {LOCALHOST_ONLY: "0"}),
     ],
 )
-def test_what_the_user_says_of_the_range_counts(
-    given: dict[str, str], expected: dict[str, str]
-) -> None:
+def test_the_users_range_counts(given: dict[str, str], expected: dict[str, str]) -> None:
     own_profiles = {QOS_FROM_PROFILES: "0"}
     given |= own_profiles
     prepare_environment(given)
@@ -125,7 +123,7 @@ def test_what_the_user_says_of_the_range_counts(
 
 
 @pytest.mark.parametrize("name", [*PROFILES, QOS_FROM_PROFILES])
-def test_profiles_of_the_user_are_left_alone(name: str) -> None:
+def test_profiles_of_the_user_are_not_changed(name: str) -> None:
     without: dict[str, str] = {}
     prepare_environment(without)
     assert Path(without[PROFILES[0]]) == OUR_PROFILES
@@ -144,7 +142,7 @@ def test_profiles_of_the_user_are_left_alone(name: str) -> None:
         (LOCALHOST_ONLY, "1", True),
     ],
 )
-def test_whether_other_machines_are_out_of_reach(
+def test_whether_discovery_is_limited_to_this_machine(
     monkeypatch: pytest.MonkeyPatch, name: str, value: str, local: bool
 ) -> None:
     monkeypatch.delenv(DISCOVERY_RANGE, raising=False)
@@ -153,8 +151,8 @@ def test_whether_other_machines_are_out_of_reach(
 
 
 @pytest.mark.skipif(has_dds_security(), reason="this ROS 2 is no wheel: its DDS may have security")
-def test_no_node_starts_under_a_security_that_there_is_none_of() -> None:
-    # The default strategy, Permissive, would let it run unprotected and hardly say so.
+def test_no_node_starts_if_security_is_requested_but_unavailable() -> None:
+    # The default strategy, Permissive, would let it run unprotected with hardly a warning.
     ended = subprocess.run(
         [sys.executable, "-m", "pga_me_ros.nodes.archive_manager"],
         env={**os.environ, SECURITY: "true"},
@@ -168,7 +166,7 @@ def test_no_node_starts_under_a_security_that_there_is_none_of() -> None:
 
 
 @pytest.mark.skipif(has_dds_security(), reason="this ROS 2 is no wheel: its DDS may have security")
-def test_security_that_is_off_is_no_reason_to_refuse() -> None:
+def test_security_that_is_off_is_accepted() -> None:
     prepare_environment({SECURITY: "false"})
     with pytest.raises(SettingsError, match="no DDS security"):
         prepare_environment({SECURITY: "true"})

@@ -1,4 +1,4 @@
-"""A mirror of archive/elites has the archive's elites, and takes nothing that cannot be of it."""
+"""A mirror of archive/elites has the archive's elites, and refuses messages that cannot belong to it."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def batch(generation: int) -> Solutions:
 
 
 def grown(generations: int) -> tuple[Archive, EliteMirror]:
-    """Return an archive and a mirror that heard what each generation has changed."""
+    """Return an archive and a mirror that received each generation's changes."""
     archive = GridArchive((4, 3), (0.0, 0.0), (1.0, 1.0), P)
     mirror = EliteMirror(CELLS, P)
     for generation in range(generations):
@@ -39,7 +39,7 @@ def grown(generations: int) -> tuple[Archive, EliteMirror]:
     return archive, mirror
 
 
-def test_it_knows_every_elite_that_there_is_and_none_that_has_left() -> None:
+def test_it_has_all_present_elites_and_no_replaced_ones() -> None:
     archive, mirror = grown(8)
     cells = archive.filled_cells()
     ids = archive.evaluations[cells]
@@ -51,7 +51,7 @@ def test_it_knows_every_elite_that_there_is_and_none_that_has_left() -> None:
     assert mirror.lacking(np.arange(8 * B)) == others
 
 
-def test_what_was_missed_can_be_heard_later_and_twice() -> None:
+def test_missed_elites_can_be_received_later_and_twice() -> None:
     archive, _ = grown(8)
     cells = archive.filled_cells()
     ids = archive.evaluations[cells]
@@ -81,7 +81,7 @@ def test_no_parents_are_none() -> None:
         ({"parameters": [0.0] * (2 * P - 1) + [np.nan]}, "'parameters' holds NaN"),
     ],
 )
-def test_what_cannot_be_of_this_archive_is_refused_as_a_whole(
+def test_messages_that_cannot_belong_to_the_archive_are_refused_as_a_whole(
     changes: dict[str, list[Any]], words: str
 ) -> None:
     archive, mirror = grown(3)

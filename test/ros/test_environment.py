@@ -1,4 +1,4 @@
-"""What the user chooses for discovery and transports stays; what was left open is filled in."""
+"""The user's choices for discovery and transports stay; the rest is filled in."""
 
 from __future__ import annotations
 
@@ -78,20 +78,20 @@ DEADLINE = 60.0
         ),
     ],
 )
-def test_only_what_was_left_open_is_filled_in(
+def test_only_unset_variables_are_filled_in(
     given: dict[str, str], added: dict[str, str], local: bool
 ) -> None:
     variables = dict(given)
     prepare_environment(variables)
     assert variables == given | added
     assert is_local(variables) is local
-    prepare_environment(variables)  # as a child process does
+    prepare_environment(variables)  # again, like a child process
     assert variables == given | added
 
 
 @pytest.mark.parametrize("tag", ["userTransports", "builtinTransports"])
 @pytest.mark.parametrize("where", ["variable", "folder"])
-def test_the_range_is_left_open_where_the_users_profiles_have_transports(
+def test_the_range_is_not_set_if_the_users_profiles_have_transports(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, tag: str, where: str
 ) -> None:
     # rmw_fastrtps adds shared memory in the range LOCALHOST.
@@ -111,7 +111,7 @@ def test_the_range_is_left_open_where_the_users_profiles_have_transports(
     assert skipping[FILE] == str(OUR_PROFILES)
 
 
-def test_transports_in_the_environment_file_of_fast_dds_count_first(tmp_path: Path) -> None:
+def test_transports_in_the_environment_file_of_fast_dds_take_precedence(tmp_path: Path) -> None:
     file = tmp_path / "environment.json"
     file.write_text(json.dumps({TRANSPORTS: "UDPv4"}))
     variables = {"FASTDDS_ENVIRONMENT_FILE": str(file), TRANSPORTS: "SHM"}
@@ -142,7 +142,7 @@ def test_a_range_that_ros_2_does_not_know_is_refused() -> None:
 
 
 def without_transports(path: Path) -> str:
-    """Return a profile without what it says of transports and of whom it announces itself to."""
+    """Return a profile without its transports and initial peers."""
     root = ET.parse(path).getroot()
     names = ("Transports", "transport_descriptors", "LocatorList", "PeersList")
     for parent in list(root.iter()):
@@ -151,7 +151,7 @@ def without_transports(path: Path) -> str:
     return ET.canonicalize(ET.tostring(root, encoding="unicode"), strip_text=True)
 
 
-def test_our_profiles_differ_in_transports_alone() -> None:
+def test_our_profiles_differ_only_in_transports() -> None:
     (memory,) = {
         without_transports(p) for p in (OUR_PROFILES, OUR_UDP_PROFILES, OUR_MEMORY_PROFILES)
     }
@@ -187,13 +187,13 @@ def test_udp_nodes_hear_the_subnet_only_if_told_to(network_range: str | None) ->
         )
     ports = {int(port) for port in out.stdout.split()}
     assert ports
-    multicast = 7400 + 250 * domain  # how other machines are heard
+    multicast = 7400 + 250 * domain  # the port for discovery of other machines
     assert (multicast in ports) == (network_range == "SUBNET")
 
 
 @pytest.mark.parametrize("module", ["nodes.archive_manager", "replay"])
 def test_a_middleware_that_is_not_installed_is_refused_in_one_line(module: str) -> None:
-    # rclpy by itself ends the process with status 102 when it is imported.
+    # rclpy would end the process with status 102 when it is imported.
     ended = subprocess.run(
         [sys.executable, "-m", f"pga_me_ros.{module}", "--help"],
         env={**os.environ, "RMW_IMPLEMENTATION": "rmw_of_mars_cpp"},

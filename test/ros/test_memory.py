@@ -1,4 +1,4 @@
-"""The memory of large messages is given back, whatever else was allocated meanwhile; that of the run's own is kept."""
+"""The memory of large messages is returned, whatever else was allocated meanwhile; that of the run's own is kept."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if "limits" in sys.argv:
 """
 
 KEPT = """
-for megabytes in (10, 20, 31):  # each one freed raises the limit from which on blocks are given back
+for megabytes in (10, 20, 31):  # freeing each one raises the size from which blocks are returned
     bytearray(megabytes * 2**20)
 before = resident()
 blocks, in_use = [], []
@@ -32,7 +32,7 @@ TOUCHED = """
 from pga_me_ros.ros.memory import LARGE, M_MMAP_THRESHOLD
 import ctypes
 
-ctypes.CDLL(None).mallopt(M_MMAP_THRESHOLD, LARGE)  # with that limit alone the heap is cut each time
+ctypes.CDLL(None).mallopt(M_MMAP_THRESHOLD, LARGE)  # with only that limit, the heap is cut each time
 b"x" * (2 * 2**20)
 before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
 for _ in range(20):
@@ -43,12 +43,12 @@ print(pages / 2**20)
 
 
 def outcome(program: str, *arguments: str) -> float:
-    """Return the number that a program prints in a process of its own."""
+    """Return the number printed by a program in a separate process."""
     command = [sys.executable, "-c", LIMITS + program, *arguments]
     return float(subprocess.run(command, capture_output=True, check=True, text=True).stdout)
 
 
-def test_large_blocks_are_given_back():
+def test_large_blocks_are_returned():
     assert outcome(KEPT) > 35.0
     assert outcome(KEPT, "limits") < 5.0
 

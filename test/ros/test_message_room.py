@@ -1,4 +1,4 @@
-"""Room for messages under way: the controllers of a whole generation fit, so nothing is dropped and sent again."""
+"""Room for messages in transit: a generation's controllers fit, so that nothing is dropped and resent."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ rclpy.shutdown()
 
 
 def largest_segment(monkeypatch):
-    """Return the bytes of shared memory that a node of ours writes its messages to."""
+    """Return the size in bytes of the shared memory to which one of our nodes writes its messages."""
     for name in (*PROFILES, QOS_FROM_PROFILES):
         monkeypatch.delenv(name, raising=False)
     with domain_id() as domain:

@@ -33,7 +33,7 @@ class Speed:
 
 @pytest.fixture
 def make_node(monkeypatch: pytest.MonkeyPatch) -> Iterator[MakeNode]:
-    """Make nodes with command-line arguments, in a domain of their own."""
+    """Return a function that makes nodes with command-line arguments, in a separate domain."""
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     made: list[tuple[Node, Context]] = []
 
@@ -67,7 +67,9 @@ def test_a_value_given_after_a_shipped_file_counts(make_node: MakeNode, task: st
     assert (settings.task, settings.n_evo) == (task, 7)
 
 
-def test_the_name_of_a_system_is_enough_and_its_own_defaults_are_shown(make_node: MakeNode) -> None:
+def test_the_name_of_an_algorithm_is_enough_and_its_own_defaults_are_shown(
+    make_node: MakeNode,
+) -> None:
     file = ["--params-file", str(ROOT / "config" / "qd_walker.yaml")]
     node = make_node("--ros-args", *file, "-p", "algorithm:=td3")
     settings, _ = declare_run(node, RunOptions)
@@ -83,7 +85,7 @@ def test_the_name_of_a_system_is_enough_and_its_own_defaults_are_shown(make_node
         ("controller_hidden:=[8, 9]", "controller_hidden", (8, 9)),
     ],
 )
-def test_numbers_may_be_written_as_people_write_them(
+def test_numbers_may_be_written_in_common_ways(
     make_node: MakeNode, given: str, name: str, value: Any
 ) -> None:
     settings, _ = declare_run(make_node(*ros(given)), RunOptions)
@@ -107,19 +109,19 @@ def test_a_bad_parameter_is_refused(make_node: MakeNode, given: str, words: str)
         declare_run(node, RunOptions)
 
 
-def test_parameters_of_other_nodes_are_passed_over(make_node: MakeNode) -> None:
+def test_parameters_of_other_nodes_are_ignored(make_node: MakeNode) -> None:
     node = make_node(*ros("speed:=0.5", "n_evo:=3"))
     assert declare(node, Speed, shared=(Settings,)) == {"speed": 0.5, "gears": 5}
     assert not node.has_parameter("n_evo")
 
 
-def test_a_name_that_no_node_knows_is_refused_all_the_same(make_node: MakeNode) -> None:
+def test_a_name_unknown_to_all_nodes_is_refused(make_node: MakeNode) -> None:
     node = make_node(*ros("sped:=0.5"))
     with pytest.raises(SettingsError, match="did you mean 'speed'"):
         declare(node, Speed, shared=(Settings,))
 
 
-def test_every_parameter_tells_what_it_is(make_node: MakeNode) -> None:
+def test_every_parameter_has_a_description(make_node: MakeNode) -> None:
     node = make_node()
     declare_run(node, RunOptions)
     for kind in (Settings, RunOptions):
@@ -129,7 +131,7 @@ def test_every_parameter_tells_what_it_is(make_node: MakeNode) -> None:
             assert told.read_only == (f.name not in RATES), f.name
 
 
-def test_where_rates_come_with_each_request_they_cannot_be_set(make_node: MakeNode) -> None:
+def test_rates_that_come_with_each_request_cannot_be_set(make_node: MakeNode) -> None:
     node = make_node()
     declare_run(node, RunOptions, fixed=True)
     assert all(node.describe_parameter(f.name).read_only for f in fields(Settings))
@@ -146,7 +148,7 @@ def test_a_descriptor_lists_the_choices() -> None:
     assert told.additional_constraints == "one of: cvt, grid"
 
 
-def test_a_change_is_checked_and_handed_on(make_node: MakeNode) -> None:
+def test_a_change_is_checked_and_applied(make_node: MakeNode) -> None:
     node = make_node()
     declare(node, Speed)
     handed: list[dict[str, Any]] = []
@@ -155,7 +157,7 @@ def test_a_change_is_checked_and_handed_on(make_node: MakeNode) -> None:
     assert handed == [{"speed": 0.25}]
 
 
-def test_a_refused_change_tells_why_and_is_not_handed_on(make_node: MakeNode) -> None:
+def test_a_refused_change_has_a_reason_and_is_not_applied(make_node: MakeNode) -> None:
     def refuse(changes: dict[str, Any]) -> None:
         raise SettingsError("too fast for today")
 

@@ -1,4 +1,4 @@
-"""Params files: which nodes they are for, and words for each that ROS 2 would not read."""
+"""Params files: which nodes they are for, and errors for those that ROS 2 cannot read."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def test_a_file_of_bytes_is_refused(tmp_path: Path) -> None:
         sections(path)
 
 
-def test_a_missing_file_is_refused_with_the_nearest(tmp_path: Path) -> None:
+def test_a_missing_file_is_refused_with_a_suggestion(tmp_path: Path) -> None:
     (tmp_path / "qd_walker.yaml").touch()
     with pytest.raises(
         SettingsError, match=r"no params file .*\(did you mean 'qd_walker.yaml'\?\)"

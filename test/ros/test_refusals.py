@@ -1,4 +1,4 @@
-"""What is shown of refusals: in one line, without what a stranger put into it, and not all of a flood."""
+"""Logged refusals: in one line, without a stranger's control characters, and limited in number."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from pga_me_ros.ros.refusals import BURST, LONGEST, CalmRefusals, printable
         ("\x1b[2Jscreen cleared", r"\x1b[2Jscreen cleared"),
     ],
 )
-def test_a_text_of_a_stranger_stays_in_its_line(text: str, shown: str) -> None:
+def test_a_strangers_text_stays_in_one_line(text: str, shown: str) -> None:
     assert printable(text) == shown
 
 
-def test_a_text_of_a_stranger_is_cut() -> None:
+def test_a_strangers_text_is_shortened() -> None:
     shown = printable("x" * 10**6)
     assert shown == "x" * LONGEST + "... (1000000 characters)"
 
 
-def test_a_flood_of_refusals_is_logged_in_part_and_the_rest_counted() -> None:
+def test_many_refusals_are_logged_in_part_and_the_rest_counted() -> None:
     refusals = CalmRefusals()
     lines = [refusals.line("no") for _ in range(1000)]
     assert lines[:BURST] == ["no"] * BURST

@@ -40,7 +40,7 @@ def node(context: Context) -> Iterator[EndingNode]:
 
 
 def after(seconds: float, node: EndingNode, do: Callable[[], None]) -> None:
-    """Have a node's own callback do something once."""
+    """Make a node's own callback do something once."""
 
     def once() -> None:
         timer.cancel()
@@ -50,7 +50,7 @@ def after(seconds: float, node: EndingNode, do: Callable[[], None]) -> None:
 
 
 def in_thread(work: Callable[[], Any]) -> Future[Any]:
-    """Do something in another thread, which a test that fails need not wait for."""
+    """Do something in another thread, for which a failing test need not wait."""
     done: Future[Any] = Future()
 
     def run() -> None:
@@ -69,11 +69,11 @@ def spinning(node: EndingNode) -> Future[None]:
 
 
 def spun(node: EndingNode) -> BaseException | None:
-    """Spin a node in another thread, and return what it ended with."""
+    """Spin a node in another thread, and return its outcome."""
     return spinning(node).exception(DEADLINE)
 
 
-def test_a_node_ends_itself_with_an_outcome_and_without_a_word(
+def test_a_node_ends_itself_with_an_outcome_and_logs_nothing(
     node: EndingNode, capfd: pytest.CaptureFixture[str]
 ) -> None:
     outcome = PgaError("enough")
@@ -89,7 +89,7 @@ def test_the_first_outcome_counts(node: EndingNode) -> None:
     assert spun(node) is first
 
 
-def test_another_thread_wakes_and_ends_a_node_to_which_nothing_happens(node: EndingNode) -> None:
+def test_another_thread_wakes_and_ends_an_idle_node(node: EndingNode) -> None:
     outcome = PgaError("from outside")
     began = threading.Event()
     after(0.01, node, began.set)
@@ -99,7 +99,7 @@ def test_another_thread_wakes_and_ends_a_node_to_which_nothing_happens(node: End
     assert serving.exception(DEADLINE) is outcome
 
 
-def test_what_a_callback_raises_ends_the_node(node: EndingNode) -> None:
+def test_an_exception_in_a_callback_ends_the_node(node: EndingNode) -> None:
     def fault() -> None:
         raise ValueError("a fault")
 
@@ -135,7 +135,7 @@ def test_a_callback_that_fails_because_of_a_shutdown_ends_the_node(
     assert isinstance(node.outcome, ExternalShutdownException)
 
 
-def test_a_node_to_which_nothing_happens_leaves_the_cores_alone(node: EndingNode) -> None:
+def test_an_idle_node_uses_no_processor_time(node: EndingNode) -> None:
     after(1.0, node, lambda: node.end(PgaError("enough")))
 
     def used() -> float:
@@ -147,10 +147,10 @@ def test_a_node_to_which_nothing_happens_leaves_the_cores_alone(node: EndingNode
     assert in_thread(used).result(DEADLINE) < 0.2
 
 
-def test_a_service_whose_node_is_shut_down_meanwhile_gives_no_answer(
+def test_a_service_whose_node_is_shut_down_meanwhile_does_not_answer(
     monkeypatch: pytest.MonkeyPatch, context: Context
 ) -> None:
-    """The handler fails because of the shutdown, as whatever needs ROS does."""
+    """The handler fails because of the shutdown, like everything that needs ROS."""
     monkeypatch.setenv("ROS_DOMAIN_ID", str(context.get_domain_id()))
     rclpy.init()
     serving = GraphNode("node")

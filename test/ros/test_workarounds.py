@@ -1,4 +1,4 @@
-"""Workarounds for rclpy: the table in docs/design.md names each where it is, for the version that is installed."""
+"""Workarounds for rclpy: the table in docs/design.md names their places, for the installed version."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ SECTION = DESIGN.read_text().partition("## Workarounds for rclpy")[2]
 PLACES = re.findall(r"\| `(pga_me_ros\.[\w.]+)` \|$", SECTION, re.MULTILINE)
 
 
-def test_they_answer_the_version_that_is_installed() -> None:
+def test_they_are_for_the_installed_version() -> None:
     advice = "look at each workaround again, then put the new version into docs/design.md"
     assert re.findall(r"in version ([\d.]+\d)", SECTION) == [version("rclpy")], advice
 
@@ -25,7 +25,7 @@ def test_every_row_names_a_place() -> None:
 
 
 @pytest.mark.parametrize("place", PLACES)
-def test_each_is_where_the_table_says(place: str) -> None:
+def test_each_place_in_the_table_exists(place: str) -> None:
     parts = place.split(".")
     found = importlib.import_module(".".join(parts[:3]))
     for attribute in parts[3:]:

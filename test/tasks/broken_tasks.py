@@ -1,4 +1,4 @@
-"""A tiny task that follows the protocol, and ones that each break it in one way."""
+"""A tiny task that follows the protocol, and others that each break it in one way."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class Point:
 
 
 class TellsItsSide(Point):
-    """Shows after each step whether it went right."""
+    """Shows after each step whether it moved right."""
 
     spec = dataclasses.replace(SPEC, step_descriptor_names=("velocity",))
 
@@ -69,7 +69,7 @@ class TellsItsSide(Point):
 
 
 class TellsItsSideLate(TellsItsSide):
-    """Shows after each step whether it went right in the one before."""
+    """Shows after each step whether it moved right in the one before."""
 
     spec = dataclasses.replace(TellsItsSide.spec, step_descriptor_delay=1)
 
@@ -200,7 +200,7 @@ class ClosesOnce(Point):
 
 
 class Diverges(Point):
-    """Leaves the numbers in its tenth step and says so."""
+    """Diverges in its tenth step and reports it."""
 
     def step(self, action: Any) -> Any:
         observation, reward, fell = super().step(action)
@@ -210,7 +210,7 @@ class Diverges(Point):
 
 
 class SameArrays(Point):
-    """Returns the same arrays again and again, filled anew each time."""
+    """Returns the same arrays every time, with new content."""
 
     def __init__(self, *, render: bool = False) -> None:
         super().__init__(render=render)
@@ -230,7 +230,7 @@ class SameArrays(Point):
 
 
 class SameArrayThatRemembers(SameArrays):
-    """Its descriptor depends on the episodes before."""
+    """Its descriptor depends on earlier episodes."""
 
     episodes = 0
 
@@ -244,7 +244,7 @@ class SameArrayThatRemembers(SameArrays):
 
 
 class HugeReward(Point):
-    """A reward that float64 holds and float32 does not."""
+    """Gives a reward within the range of float64 but not of float32."""
 
     def step(self, action: Any) -> Any:
         observation, _, fell = super().step(action)
@@ -252,7 +252,7 @@ class HugeReward(Point):
 
 
 class HugeRewardAtTheEnd(Point):
-    """A simulation that explodes in its tenth step, and says so."""
+    """Its simulation explodes in the tenth step, and it reports that."""
 
     def step(self, action: Any) -> Any:
         observation, reward, fell = super().step(action)
@@ -266,7 +266,7 @@ class LateHugeReward(Point):
 
 
 class FailsLate(Point):
-    """Fails near the end of a long episode only."""
+    """Fails only near the end of a long episode."""
 
     spec = dataclasses.replace(SPEC, max_steps=200)
 

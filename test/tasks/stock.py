@@ -1,4 +1,4 @@
-"""The oracle: stock pybullet_envs, from a world's second episode on, after which all are alike."""
+"""The reference: stock pybullet_envs from a world's second episode, from which on all are equal."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ ENVIRONMENTS: dict[str, Any] = {
 
 
 class StockTask:
-    """Stock environment of a task; its first episode, which leaves out the floor, is spent."""
+    """Stock environment of a task, after its first episode, which ignores the floor."""
 
     def __init__(self, name: str) -> None:
         self._environment = ENVIRONMENTS[name]()

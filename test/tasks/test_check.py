@@ -1,4 +1,4 @@
-"""The checker finds what is wrong with a task, and nothing wrong with sound ones."""
+"""The checker finds what is wrong with a task, and nothing in valid ones."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def test_built_in_tasks_follow_the_protocol(name: str) -> None:
     "name",
     ["Point", "Diverges", "TellsItsSide", "TellsItsSideLate", "SameArrays", "HugeRewardAtTheEnd"],
 )
-def test_sound_task_has_no_findings(name: str) -> None:
+def test_valid_task_has_no_findings(name: str) -> None:
     assert check_task(getattr(broken_tasks, name)) == []
 
 
@@ -60,12 +60,12 @@ def test_sound_task_has_no_findings(name: str) -> None:
         ("ClosesOnce", "a second close() raised"),
     ],
 )
-def test_broken_task_is_told_what_is_wrong(name: str, finding: str) -> None:
+def test_the_fault_of_a_broken_task_is_reported(name: str, finding: str) -> None:
     findings = check_task(getattr(broken_tasks, name))
     assert any(finding in text for text in findings), findings
 
 
-def test_instance_instead_of_class_is_told() -> None:
+def test_instance_instead_of_class_is_reported() -> None:
     assert "not a class" in check_task(broken_tasks.Point())[0]
 
 
@@ -84,7 +84,7 @@ def test_command_line_names_findings_and_fails() -> None:
     assert "did you mean 'qd_walker'?" in lines[1]
 
 
-def test_module_that_exits_while_it_loads_is_told(
+def test_module_that_exits_while_it_loads_is_reported(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "exits_at_once.py").write_text("raise SystemExit(0)\n")
@@ -93,7 +93,7 @@ def test_module_that_exits_while_it_loads_is_told(
     assert "does not load (SystemExit: 0)" in capsys.readouterr().out
 
 
-def test_task_that_exits_when_it_starts_is_told() -> None:
+def test_task_that_exits_when_it_starts_is_reported() -> None:
     with pytest.raises(TaskError, match=r"does not start \(SystemExit: no license\)"):
         make_task("broken_tasks:StartExits")
 

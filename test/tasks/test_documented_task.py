@@ -1,4 +1,4 @@
-"""The example in docs/tasks.md is what it says: complete, sound, and fit to grow a repertoire for."""
+"""The example in docs/tasks.md is complete, valid, and good enough to grow a repertoire for."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ DOCUMENT = (ROOT / "docs" / "tasks.md").read_text()
 
 @pytest.fixture
 def cart(tmp_path, monkeypatch):
-    """The documented class, loaded by its name from a file of its own."""
+    """Return the documented class, loaded by name from a file."""
     (code,) = re.findall(r"```python\n(.*?)```", DOCUMENT, re.DOTALL)
     (tmp_path / "cart.py").write_text(code)
     monkeypatch.syspath_prepend(tmp_path)
@@ -31,7 +31,7 @@ def cart(tmp_path, monkeypatch):
     sys.modules.pop("cart", None)
 
 
-def test_the_documented_check_has_nothing_to_say(cart, tmp_path):
+def test_the_documented_check_finds_nothing(cart, tmp_path):
     (command,) = re.findall(r"```\npython (-m pga_me_ros\.tasks\.check .*?)\n```", DOCUMENT)
     result = subprocess.run(
         [sys.executable, *command.split()],

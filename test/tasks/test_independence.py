@@ -1,4 +1,4 @@
-"""An episode depends on its generator and actions alone."""
+"""An episode depends only on its generator and actions."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def test_fresh_world_equals_a_used_one(task: Any) -> None:
         fresh.close()
 
 
-def test_steps_after_a_fall_leave_no_trace(task: Any) -> None:
+def test_steps_after_a_fall_have_no_effect_on_the_next_episode(task: Any) -> None:
     first = episode(task, 1)
     task.reset(np.random.default_rng(9))
     for _ in range(200):
@@ -70,7 +70,7 @@ def test_steps_after_a_fall_leave_no_trace(task: Any) -> None:
     assert_same(first, episode(task, 1))
 
 
-def test_interleaved_worlds_do_not_meet(task: Any) -> None:
+def test_interleaved_worlds_do_not_interact(task: Any) -> None:
     alone = episode(task, 1)
     other = type(task)()
     try:
@@ -98,7 +98,7 @@ def test_non_finite_action_is_refused_before_it_acts(task: Any, bad: float) -> N
     assert_same(first, episode(task, 1))
 
 
-def test_world_that_left_the_numbers_is_built_anew(task: Any) -> None:
+def test_world_that_diverged_is_rebuilt(task: Any) -> None:
     first = episode(task, 1)
     task.reset(np.random.default_rng(2))
     world = task._world
@@ -116,14 +116,12 @@ def test_world_that_left_the_numbers_is_built_anew(task: Any) -> None:
     assert_same(first, episode(task, 1))
 
 
-def test_contacts_of_the_last_episode_do_not_push_in_the_next():
+def test_contacts_of_the_last_episode_do_not_act_in_the_next():
     with np.load(DATA / "walker_leftover_contacts.npz") as stored:
         shape = MlpShape(tuple(stored["sizes"].tolist()))
         first, second = (MlpController(shape, stored[name]) for name in ("first", "second"))
     used, fresh = QDWalker(), QDWalker()
-    rollout(
-        used, first, evaluation_rng(0, 19)
-    )  # falls with a foot where the next episode puts it down
+    rollout(used, first, evaluation_rng(0, 19))  # falls with a foot where the next episode puts one
     episodes = [rollout(task, second, evaluation_rng(0, 23)) for task in (used, fresh)]
     used.close()
     fresh.close()

@@ -61,7 +61,7 @@ def test_own_task_is_loaded_by_module_and_class() -> None:
         ("broken_tasks:NoSpec", "'spec' that is a TaskSpec"),
     ],
 )
-def test_wrong_name_is_told_what_is_wrong(name: str, message: str) -> None:
+def test_the_error_for_a_wrong_name_says_what_is_wrong(name: str, message: str) -> None:
     with pytest.raises(TaskError) as caught:
         load_task(name)
     assert message in str(caught.value)

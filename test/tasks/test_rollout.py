@@ -1,4 +1,4 @@
-"""Rollouts of a task that can be worked out by hand."""
+"""Rollouts of a task that can be computed by hand."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def run(task: object = None, controller: object = push, steps: int | None = None
     return rollout(task or Point(), controller, np.random.default_rng(1), steps)  # type: ignore[arg-type]
 
 
-def test_transitions_are_those_of_the_steps_in_their_order() -> None:
+def test_transitions_match_the_steps_in_order() -> None:
     task = Point()
     state = task.reset(np.random.default_rng(1))
     states, rewards = [state], []
@@ -58,7 +58,7 @@ def test_shapes_and_dtypes() -> None:
     assert episode.length == 5
 
 
-def test_actions_are_what_the_controller_gave_for_each_state() -> None:
+def test_actions_are_those_of_the_controller_for_each_state() -> None:
     def lean(observation: np.ndarray) -> np.ndarray:
         return np.tanh(10 * observation[:1])
 
@@ -78,7 +78,7 @@ def test_time_limit_ends_the_episode_and_is_not_terminal() -> None:
     assert (episode.length, episode.terminated) == (50, False)
 
 
-def test_short_episode_does_not_hold_the_memory_of_a_long_one() -> None:
+def test_short_episode_does_not_keep_the_memory_of_a_long_one() -> None:
     episode = run(controller=lambda _: np.ones(1, np.float32))
     assert episode.states.base is None
     assert episode.states.nbytes == (episode.length + 1) * 8
@@ -91,7 +91,7 @@ def test_divergence_ends_the_episode_before_the_step_that_diverged() -> None:
 
 
 @pytest.mark.parametrize("steps", [None, 20])
-def test_a_task_may_return_the_same_arrays_again_and_again(steps: int | None) -> None:
+def test_a_task_may_return_the_same_arrays_every_time(steps: int | None) -> None:
     same, plain = SameArrays(), Point()
     for force in (0.9, 0.1, -0.9):
         action = np.array([force], np.float32)
@@ -104,7 +104,7 @@ def test_a_task_may_return_the_same_arrays_again_and_again(steps: int | None) ->
     assert first[0].descriptor != kept[0].descriptor
 
 
-def test_an_episode_has_arrays_of_its_own() -> None:
+def test_an_episode_has_its_own_arrays() -> None:
     given = {name: np.ones((2, 2), np.float32) for name in ("states", "actions", "rewards")}
     given["descriptor"] = np.ones(2)
     episode = Episode(**given, fitness=1.0, terminated=False)
@@ -125,7 +125,7 @@ def test_reward_beyond_float32_that_ends_the_episode_is_a_divergence() -> None:
     assert np.isfinite(episode.rewards).all()
 
 
-def test_greatest_float32_reward_is_kept() -> None:
+def test_largest_float32_reward_is_kept() -> None:
     largest = float(np.finfo(np.float32).max)
 
     class Largest(Point):
@@ -136,17 +136,17 @@ def test_greatest_float32_reward_is_kept() -> None:
     assert (run(Largest(), steps=3).rewards == np.float32(-largest)).all()
 
 
-def test_descriptor_that_is_not_finite_is_told_with_its_value() -> None:
+def test_descriptor_that_is_not_finite_is_reported_with_its_value() -> None:
     with pytest.raises(TaskError, match=r"gave the descriptor \[nan\]; expected 1 finite numbers"):
         run(NanDescriptor())
 
 
-def test_observation_of_the_wrong_shape_is_told() -> None:
+def test_observation_of_the_wrong_shape_is_reported() -> None:
     with pytest.raises(TaskError, match=r"observation of shape \(1,\) in step 5; expected \(2,\)"):
         run(ShortObservation())
 
 
-def test_task_that_exits_in_a_step_is_told() -> None:
+def test_task_that_exits_in_a_step_is_reported() -> None:
     with pytest.raises(TaskError, match=r"called sys.exit\(0\)"):
         run(StepExits())
 

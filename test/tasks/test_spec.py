@@ -53,7 +53,7 @@ def test_invalid_field_is_named(field: str, value: Any, message: str) -> None:
     assert message in str(caught.value)
 
 
-def test_unknown_field_is_told_the_nearest() -> None:
+def test_unknown_field_is_refused_with_a_suggestion() -> None:
     with pytest.raises(TaskError, match="did you mean 'max_steps'"):
         TaskSpec.from_json(SPEC.to_json() | {"max_step": 3})
 
@@ -65,7 +65,7 @@ def test_missing_field_is_named() -> None:
         TaskSpec.from_json(fields)
 
 
-def test_a_spec_of_before_state_descriptors_can_still_be_read() -> None:
+def test_a_spec_from_before_state_descriptors_can_still_be_read() -> None:
     fields = SPEC.to_json()
     del fields["step_descriptor_names"], fields["step_descriptor_delay"]
     assert TaskSpec.from_json(fields) == SPEC
@@ -78,6 +78,6 @@ def test_built_in_tasks_have_a_state_descriptor_entry_per_dimension(name: str) -
     assert list(spec.step_descriptor_names) == [f"{foot}/contact" for foot in feet]
 
 
-def test_something_else_than_an_object_is_refused() -> None:
+def test_anything_but_an_object_is_refused() -> None:
     with pytest.raises(TaskError, match="JSON object"):
         TaskSpec.from_json([1, 2])  # type: ignore[arg-type]

@@ -1,4 +1,4 @@
-"""Parts of a robot that are read once for several: they stay together in every motion, to the last bit."""
+"""Parts of a robot that are read once for several stay together in every motion, bit for bit."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def parts_of(task):
 
 
 def positions(task):
-    """Return x and y of every link, as the engine says."""
+    """Return x and y of every link, according to the engine."""
     world = task._world
     links = pybullet.getLinkStates(world.robot, parts_of(task), 0, 0, world.client)
     return {part: link[0][:2] for part, link in zip(parts_of(task), links, strict=True)}

@@ -1,4 +1,4 @@
-"""Our locomotion tasks against stock pybullet_envs, bit for bit."""
+"""Our locomotion tasks equal stock pybullet_envs, bit for bit."""
 
 from __future__ import annotations
 
@@ -33,14 +33,14 @@ def zero_actions(dimension: int) -> Controller:
 
 
 def learned_gait(name: str) -> Controller:
-    """Linear controller from a random search: (action_dim, observation_dim + 1), bias last."""
+    """Return a linear controller from a random search: (action_dim, observation_dim + 1), bias last."""
     with np.load(GAITS) as file:
         weights = file[name]
     return lambda observation: np.tanh(weights[:, :-1] @ observation + weights[:, -1])
 
 
 def record(task: Any, controller: Controller, seed: int, steps: int, past_falls: bool) -> dict:
-    """Run one episode and keep, as bytes, all that the two sides must agree on."""
+    """Run one episode and keep, as bytes, everything in which the two sides must agree."""
     observation = task.reset(generator(seed))
     trace: dict[str, Any] = {"observations": [observation.tobytes()], "rewards": []}
     trace |= {"contacts": [], "terminated": []}
@@ -111,7 +111,7 @@ def test_actions_beyond_the_limits(ours: Any, stock: Any) -> None:
 
 def test_learned_gait_to_the_time_limit(name: str, ours: Any, stock: Any) -> None:
     trace = assert_parity(ours, stock, lambda: learned_gait(name), 1, 1000)
-    assert len(trace["rewards"]) == 1000, "the stored gait no longer lives to the limit"
+    assert len(trace["rewards"]) == 1000, "the stored gait no longer reaches the time limit"
 
 
 def test_observations_beyond_five_are_clipped(ours: Any, stock: Any) -> None:

@@ -1,4 +1,4 @@
-"""Plain-float arithmetic against NumPy's own."""
+"""Arithmetic on plain floats compared with NumPy's."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ def test_pairwise_sum_adds_in_numpys_order(count: int) -> None:
         assert pairwise_sum(values.tolist()) == np.repeat(values, 3)[::3].sum()
 
 
-def test_pairwise_sum_refuses_what_numpy_would_split() -> None:
+def test_pairwise_sum_refuses_lengths_that_numpy_would_split() -> None:
     with pytest.raises(ValueError, match="129 values"):
         pairwise_sum([0.0] * 129)
 
 
 @pytest.mark.parametrize("count", range(1, 9))
-def test_float32_means_round_as_numpy_does(count: int) -> None:
+def test_float32_means_round_like_numpy(count: int) -> None:
     rng = np.random.default_rng(count)
     means = Float32Means(count)
     for _ in range(200):
@@ -38,7 +38,7 @@ def test_float32_means_refuse_other_lengths(count: int) -> None:
 
 
 @pytest.mark.parametrize("limit", [0.99, 0.1, 1.0 / 3.0, 0.5])
-def test_threshold_compares_as_float32_does(limit: float) -> None:
+def test_threshold_compares_like_float32(limit: float) -> None:
     threshold = threshold_after_rounding(limit)
     near = threshold + np.arange(-40, 41) * np.spacing(threshold)
     assert ((near > threshold) == (near.astype(np.float32) > np.float32(limit))).all()
