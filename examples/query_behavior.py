@@ -1,4 +1,4 @@
-"""A robot's node: asks for a gait by its descriptor, then runs it. `python examples/query_behavior.py 0.9 0.1`."""
+"""A robot's node that requests a gait by its descriptor, then runs it. `python examples/query_behavior.py 0.9 0.1`."""
 
 import sys
 from contextlib import suppress
@@ -23,7 +23,7 @@ class Robot(Node):
         RepertoireClient(self).get_behavior_async(descriptor=wanted).add_done_callback(self.begin)
 
     def begin(self, answer: Future) -> None:
-        """Take the gait that was found."""
+        """Receive the gait."""
         self.behavior = answer.result()  # raises if none was found, or nobody answered
         print(f"fitness {self.behavior.fitness:.1f}, descriptor {self.behavior.descriptor}")
 

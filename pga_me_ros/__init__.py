@@ -3,8 +3,8 @@
 Grows a repertoire of neural-network gaits that differ in how they use the robot's feet (Nilsson &
 Cully 2021, "Policy Gradient Assisted MAP-Elites"), and offers it to other nodes.
 
-The names below are loaded when they are first used: ``import pga_me_ros`` itself loads no other package. What another
-robot's node needs is in `pga_me_ros.client`.
+The names below are loaded on first use: ``import pga_me_ros`` itself loads no other package. `pga_me_ros.client` has
+what another robot's node needs.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The array types of the package: NumPy arrays by the type of their entries; docstrings give the shapes."""
+"""The array types of the package: NumPy arrays by the type of their entries. Docstrings give the shapes."""
 
 from __future__ import annotations
 

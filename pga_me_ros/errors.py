@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 
 class PgaError(ValueError):
-    """Base of every error that bad input causes; its message is meant to be shown as it is."""
+    """Base class of all errors due to bad input; messages are meant to be shown as they are."""
 
 
 class SettingsError(PgaError):
@@ -35,6 +35,6 @@ class RequestError(PgaError):
 
 
 def nearest_name(name: str, known: Iterable[str]) -> str:
-    """Return ``" (did you mean 'x'?)"`` for the known name nearest to a misspelt one, else ``""``."""
+    """Return ``" (did you mean 'x'?)"`` for the known name nearest to a misspelled one, else ``""``."""
     close = difflib.get_close_matches(name, list(known), n=1)
     return f" (did you mean '{close[0]}'?)" if close else ""

@@ -1,4 +1,4 @@
-"""Stored runs in scripts and notebooks: read, run and draw their behaviors, and store a search of one's own."""
+"""Stored runs in scripts and notebooks: read, run and draw their behaviors, and store your own search."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ _MEANS = ("repeats", "mean_fitness", "fitness_spread")
 
 
 class StoredRun(stored_run.StoredRun):
-    """A run as its folder holds it, with what a script or notebook does with it; made by `StoredRun.load`."""
+    """A stored run, for scripts and notebooks; made by `StoredRun.load`."""
 
     def to_dataframe(self) -> pd.DataFrame:
-        """Return a table with a row per elite, without parameters; columns as in ``export --to csv``.
+        """Return a table with one row per elite, without parameters; columns as in ``export --to csv``.
 
-        Parents are -1 for none; means and spreads over re-evaluations are NaN for none.
+        Missing parents are -1; missing means and spreads over re-evaluations are NaN.
 
         Raises:
             PgaError: pandas is not installed.
@@ -63,9 +63,9 @@ class StoredRun(stored_run.StoredRun):
 
         Args:
             behavior: A behavior of this run.
-            seed: Seed of the initial pose. None repeats the evaluation that the behavior comes from: the same versions
-                of the libraries give the same episode, bit for bit.
-            task: A task to run it in, as `make_task` returns; None makes one for this episode.
+            seed: Seed of the initial pose. None repeats the evaluation in which the behavior was found: the same
+                versions of the libraries give the same episode, bit for bit.
+            task: A task to run it in, as returned by `make_task`; None makes one for this episode.
 
         Raises:
             TaskError: The task of the run cannot be loaded.
@@ -88,12 +88,12 @@ class StoredRun(stored_run.StoredRun):
         seconds: float = 10.0,
         size: tuple[int, int] = (360, 270),
     ) -> Path:
-        """Draw the evaluation that a behavior comes from as an animated GIF, as the program ``render`` does.
+        """Draw the evaluation in which a behavior was found as an animated GIF, like the program ``render``.
 
         Args:
             behavior: A behavior of this run.
             path: File to write.
-            seconds: Most seconds to show.
+            seconds: Maximum seconds to show.
             size: Width and height, pixels.
 
         Returns:
@@ -117,11 +117,11 @@ class StoredRun(stored_run.StoredRun):
 def save_run(path: str | Path, search: Search) -> StoredRun:
     """Store a search, so that it can be read, served, exported, rendered and reported on like any other run.
 
-    Learning curves are complete, apart from the worst and the best elite of earlier generations. Critics are not
-    stored, so only an algorithm without critics can go on from the folder. Rates are stored as they are now.
+    Learning curves are complete, except for the worst and the best elite of earlier generations. Critics are not
+    stored, so only an algorithm without critics can resume the run. The present rates are stored.
 
     Args:
-        path: Folder to make the run in.
+        path: Folder for the run.
         search: The search, after at least one generation.
 
     Returns:
@@ -129,7 +129,7 @@ def save_run(path: str | Path, search: Search) -> StoredRun:
 
     Raises:
         RequestError: The search has no generation yet.
-        StorageError: The folder holds a run already, or cannot be written.
+        StorageError: The folder already holds a run, or cannot be written.
     """
     if not search.metrics:
         raise RequestError("The search has no generation yet; call run_generation first.")

@@ -1,4 +1,4 @@
-"""A task for a robot of one's own: a box that crawls by an arm of two joints, from a URDF file.
+"""A task for your own robot: a box that crawls with an arm of two joints, from a URDF file.
 
 From the checkout, with the environment of the README::
 
@@ -26,7 +26,7 @@ SUBSTEPS = 8
 
 
 class Crawler:
-    """Fitness is the way that it crawls; the descriptor is how its hand does it."""
+    """The fitness is how far it crawls; the descriptor is how its hand is used."""
 
     spec = TaskSpec(
         name="crawler",
@@ -54,7 +54,7 @@ class Crawler:
     )
 
     def __init__(self, *, render=False):
-        """Start a world; the state in which it is now is that in which all episodes start."""
+        """Start a world; all episodes start from its present state."""
         self.client = pybullet.connect(pybullet.GUI if render else pybullet.DIRECT)
         pybullet.setPhysicsEngineParameter(
             deterministicOverlappingPairs=1, physicsClientId=self.client
@@ -68,7 +68,7 @@ class Crawler:
 
     @property
     def body(self):
-        """Where it is, for `behavior_player` and `render`."""
+        """The robot, for `behavior_player` and `render`."""
         return Body(
             self.client,
             self.robot,
@@ -86,7 +86,7 @@ class Crawler:
         return self._observation()
 
     def step(self, action):
-        """Move the joints towards where the action wants them."""
+        """Move the joints toward the positions of the action."""
         if not np.isfinite(action).all():
             raise NonFiniteActionError("the crawler got an action that is not finite")
         action = np.clip(np.asarray(action, np.float64), -1.0, 1.0)

@@ -1,4 +1,4 @@
-"""One generation on its way: the controllers, what made them, and in the end what they achieved."""
+"""One generation: its controllers, their origin, and finally their results."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pga_me_ros.core.archive.elites import NO_PARENT, Solutions
 
 
 class Outcome(Protocol):
-    """What an evaluation gave."""
+    """The result of an evaluation."""
 
     @property
     def fitness(self) -> float:
@@ -52,7 +52,7 @@ class Batch:
 
     @classmethod
     def empty(cls, generation: int, evaluations: range, parameter_count: int) -> Batch:
-        """Return a batch that is still to be filled in, in place."""
+        """Return a batch to be filled in, in place."""
         b = len(evaluations)
         return cls(
             generation,
@@ -66,7 +66,7 @@ class Batch:
         """Return the batch as solutions for the archive.
 
         Args:
-            outcomes: What its evaluations gave, in order.
+            outcomes: Results of its evaluations, in order.
 
         Raises:
             ArchiveError: The number of outcomes, or the size of a descriptor, does not fit.

@@ -1,4 +1,4 @@
-"""One evaluation: its id, its initial pose, and the noise on its actions; functions of the settings and its number."""
+"""One evaluation: its id, its initial pose, and the noise on its actions, as functions of the settings and its id."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ Act = Callable[[Float32Array], Float32Array]
 def exploring(controller: Act, sigma: float, seed: int, evaluation: int) -> Act:
     """Return a controller whose actions are those of another one plus Gaussian noise, clipped to -1..1.
 
-    An actor acts like this while it learns (Alg. 2 line 7, Nilsson & Cully 2021). The noise belongs to the evaluation,
-    as its initial pose does: repeating the evaluation draws the same noise.
+    An actor explores like this (Alg. 2 line 7, Nilsson & Cully 2021). Like the initial pose, the noise depends on the
+    evaluation: repeating the evaluation draws the same noise.
 
     Args:
         controller: Maps an observation, (observation_dim,) float32, to an action, (action_dim,) float32.

@@ -1,4 +1,4 @@
-"""The operators: what makes the controllers of a batch. One row each."""
+"""The operators, which make the controllers of a batch; one row each."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from enum import IntEnum
 
 
 class Operator(IntEnum):
-    """What made a solution. Values are part of the stored result: never renumber."""
+    """How a solution was made. Values are part of the stored result: never renumber."""
 
     RANDOM = 0
     GA = 1
@@ -21,18 +21,18 @@ class Operator(IntEnum):
 
     @property
     def label(self) -> str:
-        """Its name as messages, files and tables have it, for example ``pg``."""
+        """Its name in messages, files and tables, for example ``pg``."""
         return self.name.lower()
 
 
 @dataclass(frozen=True)
 class OperatorRow:
-    """What the generation loop has to know of an operator.
+    """What the generation loop has to know about an operator.
 
     Attributes:
-        title: Name for people.
-        parents: Elites that each of its offspring is made from.
-        learned: Whether its offspring are made with what was learned for their generation, the snapshot.
+        title: Name for users.
+        parents: Number of elites from which each of its offspring is made.
+        learned: Whether its offspring are made with the snapshot of what was learned for their generation.
         learned_from: First generation in which they are.
     """
 
@@ -52,7 +52,7 @@ OPERATORS: Mapping[Operator, OperatorRow] = {
     Operator.QUALITY: OperatorRow("quality", parents=1, learned=True),
     Operator.DIVERSITY: OperatorRow("diversity", parents=1, learned=True),
 }
-"""All operators. What makes their offspring is in `core.variation.make_offspring`."""
+"""All operators. `core.variation.make_offspring` makes their offspring."""
 
 
 def needs_snapshot(operator: Operator, generation: int) -> bool:

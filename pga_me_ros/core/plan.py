@@ -1,6 +1,6 @@
-"""What a generation consists of, decided once: pure functions of settings and the generation's number.
+"""What a generation consists of: pure functions of the settings and the generation's number.
 
-`core.search` (one process) and the orchestrator (many) both follow a `GenerationPlan`, so that they cannot drift apart.
+`core.search` (one process) and the orchestrator (many) both follow a `GenerationPlan`, so that they cannot diverge.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from pga_me_ros.core.settings import Settings
 
 @dataclass(frozen=True)
 class TrainingOrder:
-    """What a training is determined by, besides the critics' state before it.
+    """What determines a training, besides the critics' state before it.
 
     Attributes:
         generation: Generation whose offspring the critics are trained for.
@@ -41,7 +41,7 @@ class TrainingOrder:
 
 @dataclass(frozen=True)
 class GenerationPlan:
-    """One generation: who makes which controllers, and which trainings go with it (Alg. 3).
+    """One generation: which operators make which controllers, and which trainings take place (Alg. 3).
 
     Attributes:
         generation: Its number t, from 0.
@@ -49,9 +49,9 @@ class GenerationPlan:
         evaluations: Ids of its evaluations.
         slots: Which operator fills which places of the batch, in order.
         exploration_sigma: Standard deviation of the noise on all actions.
-        training: Training that has to end before the offspring that need its snapshot; None if there is none.
-        meanwhile: Training for t + 1 that goes on while t is evaluated; None if there is none.
-        meanwhile_ends_within: Whether `meanwhile` has to end before t is added to the archive.
+        training: Training that must end before the offspring that need its snapshot; None if there is none.
+        meanwhile: Training for t + 1 that runs while t is evaluated; None if there is none.
+        meanwhile_ends_within: Whether `meanwhile` must end before t is added to the archive.
     """
 
     generation: int
@@ -73,7 +73,7 @@ class GenerationPlan:
             settings: Settings with the rates in force.
             before: Settings with the rates that were in force for the generation before.
             generation: Its number.
-            imported: Controllers that the run starts with in place of random ones.
+            imported: Number of controllers that the run starts with instead of random ones.
         """
         algorithm = algorithm_of(settings)
         return cls(
@@ -84,15 +84,15 @@ class GenerationPlan:
             exploration_sigma=algorithm.exploration_sigma(settings, generation),
             training=training_for(settings, before, generation),
             meanwhile=training_meanwhile(settings, generation),
-            # The run's first training may start the greedy controller at the best elite as it is now, so it could
-            # not be repeated later; and a run does not end with a training under way.
+            # The run's first training may start the greedy controller at the present best elite, so it could not be
+            # repeated later; and a run must not end during a training.
             meanwhile_ends_within=generation < settings.init_generations
             or generation + 1 >= settings.generations,
         )
 
     @property
     def unlearned(self) -> tuple[Slots, ...]:
-        """Places whose offspring need no snapshot: they are evaluated while the critics still train."""
+        """Places whose offspring need no snapshot, and so can be evaluated while the critics still train."""
         return tuple(s for s in self.slots if not needs_snapshot(s.operator, self.generation))
 
     @property
@@ -102,11 +102,11 @@ class GenerationPlan:
 
 
 def batch_lines(settings: Settings, imported: int = 0) -> list[str]:
-    """Return in words which operators make how many controllers, and a warning if critics are never used.
+    """Return lines that say which operators make how many controllers, and a warning if critics are never used.
 
     Args:
         settings: Settings with the rates in force.
-        imported: Controllers that the run starts with in place of random ones.
+        imported: Number of controllers that the run starts with instead of random ones.
     """
     algorithm = algorithm_of(settings)
     slots = algorithm.batch_plan(settings, max(settings.init_generations, 1), imported)
@@ -124,17 +124,17 @@ def batch_lines(settings: Settings, imported: int = 0) -> list[str]:
 
 
 def training_meanwhile(settings: Settings, generation: int) -> TrainingOrder | None:
-    """Return the training that goes on while a generation is evaluated, None if there is none."""
+    """Return the training that runs while a generation is evaluated, None if there is none."""
     if not algorithm_of(settings).trains_meanwhile(settings, generation):
         return None
     return TrainingOrder.of(generation + 1, generation - 1, settings)
 
 
 def training_for(settings: Settings, before: Settings, generation: int) -> TrainingOrder | None:
-    """Return the training that has to end before a generation does, None if there is none.
+    """Return the training that must end before a generation does, None if there is none.
 
-    It is the one that was started while the generation before was evaluated, even if this one's rates ask for no
-    gradients: a later training starts from where it ended. Otherwise it is the one that this generation's offspring
+    It is the one that was started while the generation before was evaluated, even if this one's rates use no
+    gradients: a later training continues from it. If there was none, it is the one that this generation's offspring
     need.
 
     Args:

@@ -1,7 +1,7 @@
-"""Random generators derived from what they are for, never from what ran before.
+"""Random generators that depend on their purpose, never on what ran before.
 
-Every draw of a run comes from a generator that is a pure function of (seed, purpose, generation, index), so that the
-order in which processes work, and who is restarted in between, cannot change a single bit of the result.
+Every draw of a run comes from a generator that is a pure function of (seed, purpose, generation, index), so that
+neither the order in which processes work nor restarts can change a single bit of the result.
 """
 
 from __future__ import annotations
@@ -37,8 +37,8 @@ def generator(
 
     Args:
         seed: Seed of the run, at least 0.
-        purpose: What the draws are for.
-        generation: Generation they belong to, 0 where there is none.
+        purpose: Purpose of the draws.
+        generation: Generation they belong to, 0 if there is none.
         index: Number of the solution, step or batch within it.
 
     Returns:

@@ -2,7 +2,7 @@
 
 What distinguishes PGA-MAP-Elites from the algorithms that it is compared with is in `core.algorithms`.
 
-The node graph does the same work spread over processes; this is what it must agree with, bit for bit.
+The node graph distributes the same work over processes, and must give the same result, bit for bit.
 """
 
 from __future__ import annotations
@@ -35,12 +35,12 @@ from pga_me_ros.tasks.spec import TaskSpec
 
 
 class Search:
-    """The whole algorithm: `ask` for a batch, evaluate it, `tell` what came out.
+    """The whole algorithm: `ask` for a batch, evaluate it, `tell` the results.
 
     Args:
         spec: Task.
         settings: Settings of the run.
-        imported: (n, P) float32 controllers to start with in place of random ones (`start_from.read_controllers`), None
+        imported: (n, P) float32 controllers to start with instead of random ones (`start_from.read_controllers`), None
             for none.
 
     Attributes:
@@ -71,7 +71,7 @@ class Search:
         return len(self.metrics)
 
     def run_generation(self, task: Task) -> Metrics:
-        """Ask, evaluate in this process, tell."""
+        """Ask, evaluate in this process, and tell."""
         batch = self.ask()
         s = self.settings
         episodes = [
@@ -102,7 +102,7 @@ class Search:
         """Learn from an evaluated generation (Alg. 3 line 14).
 
         Args:
-            batch: What `ask` returned.
+            batch: The batch returned by `ask`.
             episodes: Its episodes, in order.
 
         Returns:
@@ -145,7 +145,7 @@ class Search:
         self._snapshot = self.learner.train(self.settings, order.generation)
 
     def _variation(self, plan: GenerationPlan, slots: Slots) -> tuple[Int64Array, Float32Array]:
-        """Make the offspring of one operator (Alg. 5); returns evaluation ids of parents, and parameters."""
+        """Make the offspring of one operator (Alg. 5); return evaluation ids of parents, and parameters."""
         s, t, first, n = plan.settings, plan.generation, slots.first, slots.count
         parents = np.full((n, 2), NO_PARENT, np.int64)
         if slots.operator == Operator.IMPORTED:

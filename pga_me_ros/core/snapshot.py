@@ -1,4 +1,4 @@
-"""What the offspring of one generation need of what was learned."""
+"""What was learned, as far as one generation's offspring need it."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ GREEDY = "greedy"
 """The greedy controller, pi_phic; in MAP-Elites-ES, the controller that the last step led to."""
 
 CENTER = "center"
-"""MAP-Elites-ES: the controller that the samples surround."""
+"""MAP-Elites-ES: the controller around which samples are drawn."""
 
 DIVERSITY_CRITIC = "diversity_critic"
 """QD-RL: the first critic of diversity; its input is that of `CRITIC`."""
@@ -29,17 +29,17 @@ DIVERSITY_CRITIC = "diversity_critic"
 class Snapshot:
     """What was learned, for one generation's offspring; light, so that any node can hold it.
 
-    Where an algorithm learns no critics, there are no states, and `critic_loss` and `mean_q` are NaN.
+    If an algorithm learns no critics, there are no states, and `critic_loss` and `mean_q` are NaN.
 
     Attributes:
-        generation: Generation whose offspring it is for.
+        generation: Generation of the offspring.
         version: Critic training steps done since the start of the run.
         networks: Networks by name; `Algorithm.snapshot_networks` says which there are.
         states: (sets, n_grad, N, observation_dim) float32 replay states; one set shared by all offspring, or one per
             place in the batch.
-        transitions: Transitions in the replay buffer that it was trained on.
+        transitions: Number of transitions in the replay buffer during the training.
         critic_loss: Mean over the steps of both critics' mean squared errors.
-        mean_q: Mean over the steps of the values that the first critic gave their batches.
+        mean_q: Mean over the steps of the first critic's mean value of a batch.
     """
 
     generation: int

@@ -1,4 +1,4 @@
-"""The demonstration behind ``make run``: grows a small repertoire, then another process asks for gaits and runs them.
+"""The demonstration behind ``make run``: grows a small repertoire, then another process requests gaits and runs them.
 
 ``python -m pga_me_ros.demo [--params-file FILE] [ROS arguments for the orchestrator]``
 """
@@ -26,14 +26,14 @@ from pga_me_ros.ros.environment import prepare_environment
 from pga_me_ros.ros.process import report
 
 PR_SET_PDEATHSIG = 1
-"""From Linux' prctl.h."""
+"""From Linux's prctl.h."""
 
 TICK = 0.2
-"""Seconds between two looks at whether the orchestrator still lives."""
+"""Seconds between two checks whether the orchestrator is alive."""
 
 
 class Children:
-    """What the demonstration has started; each sits in a session of its own, so that a signal reaches it once."""
+    """Processes of the demonstration, each in its own session, so that a signal reaches it only once."""
 
     def __init__(self) -> None:
         self._processes: list[subprocess.Popen[bytes]] = []
@@ -50,14 +50,14 @@ class Children:
         return process
 
     def send(self, number: int) -> None:
-        """Send a signal on to those that are alive."""
+        """Forward a signal to those that are alive."""
         for process in self._processes:
             if process.poll() is None:
                 process.send_signal(number)
 
 
 def _end_with_parent() -> None:
-    """Have the kernel send SIGTERM to the process to be started when this one is gone, however it ends."""
+    """Make the kernel send SIGTERM to the new process when this one ends, however it ends."""
     ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, int(signal.SIGTERM))
 
 
@@ -74,7 +74,7 @@ def listening(pid: int, remaps: Sequence[str]) -> Iterator[threading.Event]:
     """
     event = threading.Event()
     rclpy.init(args=["demo", "--ros-args", *remaps], signal_handler_options=SignalHandlerOptions.NO)
-    # A name given to the orchestrator on the command line is not ours.
+    # A node name given on the command line is the orchestrator's, not ours.
     node = rclpy.create_node("demo", cli_args=["--ros-args", "-r", "__node:=demo"])
 
     def hear(msg: Progress) -> None:
@@ -101,7 +101,7 @@ def listening(pid: int, remaps: Sequence[str]) -> Iterator[threading.Event]:
 
 
 def demonstrate(arguments: Arguments, children: Children, signals: Signals) -> int:
-    """Grow a repertoire, then have a robot of another process ask for gaits and run them.
+    """Grow a repertoire, then have a robot in another process request gaits and run them.
 
     Returns:
         Exit code.

@@ -1,4 +1,4 @@
-"""The command line of the demonstration: what goes to the orchestrator, what to the robot."""
+"""The command line of the demonstration: arguments of the orchestrator and of the robot."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from pathlib import Path
 from pga_me_ros.errors import SettingsError, nearest_name
 
 EVALUATIONS = 5000
-"""Budget unless the command line names one: two or three minutes of the walker on two cores."""
+"""Default budget: two or three minutes of the walker on two cores."""
 
 
 @dataclass(frozen=True)
 class Arguments:
-    """The command line, taken apart.
+    """The parsed command line.
 
     Attributes:
         orchestrator: ROS arguments of the orchestrator.
-        remaps: Those of them that rename: the robot needs them too, to find the repertoire.
-        serve: Whether the user wants the repertoire to be served on afterwards.
+        remaps: Those of them that rename; the robot needs them, too, to find the repertoire.
+        serve: Whether the user wants the repertoire to be served afterwards.
     """
 
     orchestrator: list[str]
@@ -42,7 +42,7 @@ class Arguments:
                 given[i] = str(find_config(value))
             elif flag in ("-r", "--remap"):
                 remaps += [flag, value]
-        # Behind the task's own file, but before whatever the user adds: of two values the later one counts.
+        # After the task's own file, but before the user's arguments: of two values, the later one counts.
         place = 2 if given[:1] == ["--params-file"] else 0
         given[place:place] = ["-p", f"evaluations:={EVALUATIONS}"]
         serve = "serve:=true" in given
@@ -50,10 +50,10 @@ class Arguments:
 
 
 def find_config(given: str) -> Path:
-    """Return a params file: as it is given, or that of the same name among the configurations that came with us.
+    """Return a params file: the given one, or one with the same name among the supplied configurations.
 
     Raises:
-        SettingsError: There is none.
+        SettingsError: There is no such file.
     """
     path = Path(given)
     if path.is_file():

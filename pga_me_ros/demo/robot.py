@@ -1,6 +1,6 @@
-"""A robot of the demonstration: asks a repertoire for gaits, runs them in simulation, compares with what was promised.
+"""A robot of the demonstration: requests gaits, runs them in simulation, and compares the result with the promise.
 
-Run beside a run or an archive manager: ``python -m pga_me_ros.demo.robot``
+Start it next to a run or an archive manager: ``python -m pga_me_ros.demo.robot``
 """
 
 from __future__ import annotations
@@ -8,7 +8,7 @@ from __future__ import annotations
 import os
 import sys
 
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as evaluators have it
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as in evaluators
 
 import numpy as np
 import rclpy
@@ -28,11 +28,11 @@ OTHER_STARTS = 5
 
 
 def show(behavior: Behavior, info: RepertoireInfo, task: Task) -> bool:
-    """Run a behavior and print what it achieved beside what was promised.
+    """Run a behavior and print what it achieved next to what was promised.
 
     Args:
         behavior: The behavior.
-        info: Repertoire that it comes from.
+        info: Its repertoire.
         task: Simulation of its task.
 
     Returns:
@@ -58,10 +58,10 @@ def show(behavior: Behavior, info: RepertoireInfo, task: Task) -> bool:
 
 
 def ask_and_run(client: RepertoireClient) -> int:
-    """Ask for two behaviors, run both and print what came of it.
+    """Request two behaviors, run both and print the results.
 
     Returns:
-        Exit code: 1 when a behavior did not repeat what was promised.
+        Exit code: 1 if a behavior did not achieve what was promised.
     """
     info = client.get_info()
     task = load_task(info.settings["task"])()
@@ -111,7 +111,7 @@ def main() -> int:
     except (KeyboardInterrupt, ExternalShutdownException):
         return 130
     except Exception as error:
-        # A Ctrl-C ends ROS 2 first; what fails afterwards is its consequence.
+        # Ctrl-C ends ROS 2 first; failures after that are a consequence.
         return report(error) if rclpy.ok() else 130
     finally:
         rclpy.try_shutdown()

@@ -1,1 +1,1 @@
-"""Repertoires and controllers in formats of other programs; ONNX and TorchScript need those, nothing needs ROS."""
+"""Repertoires and controllers in formats of other programs. Needs onnx or torch for those formats, and never ROS."""

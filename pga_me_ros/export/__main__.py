@@ -1,4 +1,4 @@
-"""``ros2 run pga_me_ros export RUN --to FORMAT``: a repertoire, or one controller of it, for other programs."""
+"""``ros2 run pga_me_ros export RUN --to FORMAT``: a repertoire, or one of its controllers, for other programs."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ from pga_me_ros.export.table import write_csv
 from pga_me_ros.process.program import run_program
 
 TABLES = {"npz": (write_npz, ".npz"), "csv": (write_csv, ".csv"), "pyribs": (write_pyribs, ".npz")}
-"""Formats that hold any number of elites in one file: who writes it, and its ending."""
+"""Formats with all elites in one file: the function that writes it, and its suffix."""
 
 MODELS = {"onnx": ".onnx", "torchscript": ".pt"}
-"""Formats with a file per controller, and its ending."""
+"""Formats with one file per controller, and its suffix."""
 
 
 def main(args: Sequence[str] | None = None) -> int:
-    """Export what the command line asks for, and print the name of the file or folder.
+    """Export as the command line says, and print the name of the file or folder.
 
     Args:
-        args: Command line without the program's name, None for the process's own.
+        args: Command line without the program's name, None for that of this process.
 
     Returns:
-        Exit status, as `run_program`.
+        Exit status, as for `run_program`.
     """
     options = _parser().parse_args(args)
     return run_program(lambda: print(export(options)))
@@ -68,7 +68,7 @@ def export(options: argparse.Namespace) -> Path:
 
 
 def _model_maker(kind: str) -> Callable[[Source, Elite], bytes]:
-    """Return what makes a model of a controller; what it needs is missed before a large run is read."""
+    """Return the function that makes a model of a controller; missing packages are reported before a run is read."""
     if kind == "onnx":
         from pga_me_ros.export.onnx_model import onnx_bytes, require_onnx
 

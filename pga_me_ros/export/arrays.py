@@ -1,4 +1,4 @@
-"""Exports as NumPy arrays: all about a repertoire, or just what a pyribs archive is made of."""
+"""Exports as NumPy arrays: a complete repertoire, or the arguments of a pyribs archive."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pga_me_ros.export.source import Source
 
 
 def write_npz(source: Source, path: Path) -> None:
-    """Write the elites with all that is known of them; docs/export.md lists the arrays.
+    """Write the elites with everything known about them; docs/export.md lists the arrays.
 
     Raises:
         StorageError: The file cannot be written.
@@ -20,10 +20,10 @@ def write_npz(source: Source, path: Path) -> None:
 
 
 def write_pyribs(source: Source, path: Path) -> None:
-    """Write what ``ribs.archives.CVTArchive`` or ``GridArchive`` and their ``add`` take, under their names for it.
+    """Write the arguments of ``ribs.archives.CVTArchive`` or ``GridArchive`` and their ``add``, by name.
 
-    Of a CVT archive, measures, centroids and ranges are in the coordinates in which its cells are told apart: shares of
-    the descriptor's range.
+    For a CVT archive, measures, centroids and ranges are in the coordinates that decide on the cell: shares of the
+    descriptor's range.
 
     Raises:
         StorageError: The file cannot be written.

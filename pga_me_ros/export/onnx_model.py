@@ -1,4 +1,4 @@
-"""Export of controllers as ONNX models, built layer by layer: needs the onnx package, and no torch."""
+"""Export of controllers as ONNX models, built layer by layer. Needs the onnx package, but not torch."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pga_me_ros.errors import PgaError
 from pga_me_ros.export.source import Source
 
 OPSET = 13
-"""Old enough for what runs on robots, new enough for every operator here."""
+"""Old enough for robots, new enough for every operator used here."""
 
 IR_VERSION = 8
 
@@ -27,17 +27,17 @@ def require_onnx() -> ModuleType:
         import onnx.numpy_helper
     except ImportError as error:
         raise PgaError(
-            f"--to onnx needs the Python package onnx, which is not here ({error}); install it with "
+            f"--to onnx needs the Python package onnx, which is not installed ({error}); install it with "
             "`pip install onnx`, or choose --to npz or torchscript."
         ) from None
     return onnx
 
 
 def onnx_bytes(source: Source, elite: Elite) -> bytes:
-    """Return a controller as a serialised ONNX model.
+    """Return a controller as a serialized ONNX model.
 
     Its input ``observation`` is (batch, observation_dim) float32, its output ``action`` (batch, action_dim) float32;
-    the model's metadata hold what `Source.about` tells.
+    the model's metadata has the content of `Source.about`.
 
     Raises:
         PgaError: The onnx package is not installed.

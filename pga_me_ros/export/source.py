@@ -1,4 +1,4 @@
-"""What an export takes from a run: its description, its archive, and the elites that were asked for."""
+"""What an export takes from a run: its description, its archive, and the chosen elites."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ class Source:
 
     Attributes:
         run: The run.
-        cells: Cells whose elites are to be exported, ascending.
-        one: Whether a single one was asked for.
+        cells: Cells whose elites are exported, ascending.
+        one: Whether a single one was chosen.
     """
 
     run: StoredRun
@@ -35,18 +35,18 @@ class Source:
         best: bool = False,
         evaluation: int | None = None,
     ) -> Source:
-        """Read a run, finished or under way.
+        """Read a run, finished or growing.
 
         Args:
             path: Folder of the run, or its repertoire file.
-            cell: The cell whose elite is wanted.
-            best: Whether the fittest is wanted.
-            evaluation: Evaluation id of the elite that is wanted. Without any of the three, all are.
+            cell: Exports only the elite of this cell.
+            best: Exports only the fittest elite.
+            evaluation: Exports only the elite of this evaluation id. Without any of the three, all are exported.
 
         Raises:
             StorageError: There is no run, it is damaged, or it holds no behavior yet.
             ArchiveError: There is no such cell.
-            NotFoundError: The cell is empty, or the controller of the evaluation is no elite.
+            NotFoundError: The cell is empty, or the controller of the evaluation is not an elite.
         """
         run = StoredRun.load(path)
         choices = run.choices()
@@ -59,11 +59,11 @@ class Source:
         return cls(run, tuple(choices.cells().tolist()), one=False)
 
     def elites(self) -> Iterator[Elite]:
-        """Yield the elites that were asked for, in the order of their cells."""
+        """Yield the chosen elites, in the order of their cells."""
         return (self.run.archive.elite(cell) for cell in self.cells)
 
     def about(self, elite: Elite) -> dict[str, str]:
-        """Return what a controller's user must know, as text by name; lists and numbers are JSON."""
+        """Return what users of a controller must know, as text by name; lists and numbers are JSON."""
         spec = self.run.spec
         known = {
             "cell": elite.cell,

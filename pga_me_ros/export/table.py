@@ -15,7 +15,7 @@ PLAIN = ("cell", "evaluation", "generation", "made_by", "parent1", "parent2", "s
 
 
 def write_csv(source: Source, path: Path) -> None:
-    """Write the table; docs/export.md says what each column is. Numbers keep all their digits.
+    """Write the table; docs/export.md describes its columns. Numbers keep all their digits.
 
     Raises:
         StorageError: The file cannot be written.

@@ -13,7 +13,7 @@ from pga_me_ros.core.archive.elites import Elite
 from pga_me_ros.export.source import Source
 
 ABOUT = "about.json"
-"""Extra file of the archive with what `Source.about` tells."""
+"""Extra file of the archive with the content of `Source.about`."""
 
 
 def torchscript_bytes(source: Source, elite: Elite) -> bytes:
@@ -30,7 +30,7 @@ def torchscript_bytes(source: Source, elite: Elite) -> bytes:
     layers[-1] = nn.Tanh()
     out = io.BytesIO()
     with warnings.catch_warnings():
-        # torch advises torch.export, which libtorch cannot load without a compiler.
+        # torch recommends torch.export, which libtorch cannot load without a compiler.
         warnings.simplefilter("ignore", DeprecationWarning)
         scripted = torch.jit.script(nn.Sequential(*layers).eval())
         torch.jit.save(scripted, out, _extra_files={ABOUT: json.dumps(source.about(elite))})

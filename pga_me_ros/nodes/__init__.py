@@ -4,5 +4,5 @@ from pga_me_ros.process.parent_watch import watch_parent
 from pga_me_ros.process.streams import open_standard_streams
 
 open_standard_streams()
-# Here, and not where a node starts: its module first imports libraries, and those of the critics take seconds.
+# Done here and not where a node starts: its module first imports libraries, and those of the critics take seconds.
 watch_parent()

@@ -1,4 +1,4 @@
-"""Archive manager: owns the archive and its file, and answers other nodes' questions about the repertoire."""
+"""Archive manager: owns the archive and its file, and answers requests about the repertoire."""
 
 from __future__ import annotations
 
@@ -41,15 +41,15 @@ from pga_me_ros.serving.archive_pictures import ArchivePictures
 from pga_me_ros.serving.repertoire_services import RepertoireServices
 
 STATUS = {status: getattr(AddToArchive.Request, status.name) for status in Status}
-"""What became of a solution, as the message numbers it."""
+"""The message's number for each outcome of a solution."""
 
 OTHER_NAME = "Stop that node, or give this one a namespace (--ros-args -r __ns:=/NAME) or another ROS_DOMAIN_ID."
-"""What can be done where another archive manager has the name."""
+"""What the user can do if another archive manager has the name."""
 
 
 @dataclass(frozen=True)
 class ArchiveManagerSettings:
-    """Parameters of the archive manager: all else is in the repertoire file."""
+    """Parameters of the archive manager; everything else is in the repertoire file."""
 
     repertoire: str = setting(
         "", "Repertoire file, for example runs/qd_walker-seed0/repertoire.db.", path=True
@@ -87,7 +87,7 @@ class ArchiveManager(GraphNode):
             self._elites_topic = self.create_publisher(Elites, names.ELITES, qos.ELITES)
             self.serve(AddToArchive, names.ADD_TO_ARCHIVE, self._add)
             self.serve(SampleParents, names.SAMPLE_PARENTS, self._sample)
-        else:  # a run's own is never disturbed
+        else:  # a run's own archive manager is never disturbed
             leave_to_elders(self, lambda msg: msg.kind == "archive_manager", OTHER_NAME)
         self._show()
         self.start_heartbeat(run_id=self._info.run_id, task=self._info.task["name"])
@@ -127,7 +127,7 @@ class ArchiveManager(GraphNode):
         return [STATUS[status] for status in added.status.tolist()]
 
     def _return_to_file(self) -> None:
-        """Forget what could not be committed: what is served is what is stored."""
+        """Forget what could not be committed, so that only stored content is served."""
         self._archive = self._file.load_archive()
         self._readers.archive = self._archive
         self._pictures.changed(self._archive)
@@ -193,13 +193,13 @@ class ArchiveManager(GraphNode):
             self._publish_elites(np.unique(cells))
 
     def _publish_elites(self, cells: Int64Array) -> None:
-        """Tell the elites of some cells to whoever makes offspring of them."""
+        """Publish the elites of some cells, for nodes that make offspring of them."""
         self._elites_topic.publish(
             elites_to_msg(self._archive, self._info.run_id, self._last_generation, cells)
         )
 
     def _show(self) -> None:
-        """Show the archive as it is now to whoever watches."""
+        """Publish metrics and pictures of the present archive."""
         self._readers.metrics = self._metrics_msg(self._metrics)
         self._metrics_topic.publish(self._readers.metrics)
         self._pictures.changed(self._archive)

@@ -1,4 +1,4 @@
-"""Behavior player: runs a gait in simulation at the pace of real time, for RViz, Foxglove and other nodes to see."""
+"""Behavior player: plays a gait in simulation in real time, for RViz, Foxglove and other nodes."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import threading
 from pathlib import Path
 from typing import Any
 
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as evaluators have it
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as in evaluators
 
 from nav_msgs.msg import Odometry
 from rclpy.executors import ExternalShutdownException
@@ -41,13 +41,13 @@ from pga_me_ros.tasks.protocol import Task
 from pga_me_ros.tasks.registry import load_task, make_task
 
 TICK = 0.1
-"""Seconds between two looks at whether to end while an answer is awaited."""
+"""Seconds between two checks whether to end while waiting for an answer."""
 
 
 class BehaviorPlayer(GraphNode):
     """One robot in simulation.
 
-    A thread of its own plays, so that the node answers meanwhile.
+    A separate thread plays, so that the node keeps answering.
     """
 
     def __init__(self) -> None:
@@ -71,7 +71,7 @@ class BehaviorPlayer(GraphNode):
         self._messages: RobotMessages | None = None
         self._window: Window | None = None
         self._player = threading.Thread(target=self._play, name="player")
-        # Begins once the executor spins, so that the thread may wait for answers.
+        # Begins when the executor spins, so that the thread may wait for answers.
         self._begin = self.create_timer(0.0, self._start)
 
     def _start(self) -> None:
@@ -104,10 +104,10 @@ class BehaviorPlayer(GraphNode):
         self.end(outcome)
 
     def _answer(self, future: Future) -> Any:
-        """Wait for what a service answers, or for the end of the node.
+        """Wait for a service's answer, or for the node to end.
 
         Raises:
-            ExternalShutdownException: The node is to end.
+            ExternalShutdownException: The node should end.
         """
         answered = threading.Event()
         future.add_done_callback(lambda _: answered.set())
@@ -154,7 +154,7 @@ class BehaviorPlayer(GraphNode):
 
         fresh = self._values["start"] == "fresh"
         s, k = source.settings, gait.evaluation
-        if fresh:  # as no evaluation of the run was started
+        if fresh:  # a pose of no evaluation of the run
             act, rng = gait.controller, evaluation_rng(s.seed + 1, episode)
         else:
             act, rng = as_evaluated(s, gait.controller, k), evaluation_rng(s.seed, k)
@@ -170,7 +170,7 @@ class BehaviorPlayer(GraphNode):
             )
 
     def _publish(self, model: RobotModel, state: RobotState, period: float) -> None:
-        """Tell where the robot is at this moment."""
+        """Publish the robot's present state."""
         nanoseconds = round(1e9 * period * self._steps)
         self._steps += 1
         if self._values["clock"]:

@@ -1,4 +1,4 @@
-"""Critic trainer: collects experience, trains the critics, publishes what PG variation needs."""
+"""Critic trainer: collects experience, trains the critics, and publishes what PG variation needs."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ from pga_me_ros.ros.process import run_node
 from pga_me_ros.tasks.registry import task_spec
 
 CRITICS = 2
-"""Threads that can train side by side: one for each critic."""
+"""Number of threads that can train in parallel: one per critic."""
 
 
 class CriticTrainerNode(GraphNode):
-    """Owns replay buffer, critics and greedy controller, and keeps listening while it trains."""
+    """Owns replay buffer, critics and greedy controller, and keeps receiving messages while it trains."""
 
     def __init__(self) -> None:
         super().__init__("critic_trainer")
@@ -66,7 +66,7 @@ class CriticTrainerNode(GraphNode):
     def _stage(self, msg: Transitions) -> None:
         experience = self._learner.experience
         if 0 <= msg.generation < experience.stored:
-            return  # of an evaluation that was given to two: the run is beyond it
+            return  # of an evaluation that was given to two evaluators: the run has passed it
         if not experience.awaits(msg.generation):
             raise RequestError(
                 f"Evaluation {msg.evaluation} is of generation {msg.generation}, which is over or far ahead."
@@ -102,12 +102,12 @@ class CriticTrainerNode(GraphNode):
             self._publish(done)
 
     def _check_order(self, order: TrainingOrder) -> None:
-        """Refuse a training that the generation loop never asks for.
+        """Refuse a training that the generation loop never orders.
 
-        Its outcome would take the place of later ones: see `CriticCheckpoints.save`.
+        Its outcome would replace later ones: see `CriticCheckpoints.save`.
 
         Raises:
-            RequestError: The order is for a generation that is over, or names the wrong generation's experience.
+            RequestError: The order is for a generation that is over, or has the wrong generation's experience.
         """
         stored = self._learner.experience.stored
         if order.generation <= stored:
@@ -121,7 +121,7 @@ class CriticTrainerNode(GraphNode):
             )
 
     def _greedy_start(self, request: Train.Request) -> Float32Array | None:
-        """Return the (P,) controller that the greedy one starts at, None for a random start."""
+        """Return the (P,) start of the greedy controller, None for a random start."""
         if self._settings.greedy_init != "best":
             if len(request.greedy):
                 raise RequestError(

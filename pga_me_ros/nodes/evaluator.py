@@ -10,7 +10,7 @@ from importlib.metadata import version
 
 os.environ.setdefault(
     "OPENBLAS_NUM_THREADS", "1"
-)  # one episode is one thread: worlds scale, BLAS must not
+)  # one thread per episode: several evaluators use the cores, not BLAS
 
 import numpy as np
 import rclpy
@@ -37,28 +37,28 @@ from pga_me_ros.tasks.registry import make_task
 from pga_me_ros.tasks.rollout import Episode, rollout
 
 READER_WAIT = 2.0
-"""Seconds that a chunk waits for a reader of its experience; the trainer's may still be on its way."""
+"""Seconds that a chunk waits for a subscriber of its experience; the trainer may not have been discovered yet."""
 
 HELD = 0.1
-"""Seconds that an episode may be held back, to be published together with the next ones: taking ten short ones that
-came together costs a reader half as much as taking one after the other."""
+"""Seconds that an episode may be held back, to be published with the next ones: ten short ones at once cost a
+subscriber half as much as one after the other."""
 
 OTHER_NAME = "Give this evaluator another one (--ros-args -r __node:=NAME), or none: it then makes up its own."
-"""What can be done where another evaluator has the name."""
+"""What the user can do if another evaluator has the name."""
 
 EXPLORATION_SIGMA = next(f for f in fields(Settings) if f.name == "exploration_sigma")
-"""The setting that says which noise there may be."""
+"""The setting with the range of the noise."""
 
 
 @dataclass(frozen=True)
 class EvaluatorSettings:
-    """Parameters of an evaluator: all else comes with each request, so it serves any run of its task."""
+    """Parameters of an evaluator; everything else comes with each request, so it serves any run of its task."""
 
     task: str = setting("qd_walker", "Simulated robot: a built-in task, or module.path:ClassName.")
 
 
 class Evaluator(GraphNode):
-    """Simulates controllers for whoever asks, and publishes what they experienced."""
+    """Simulates controllers on request, and publishes their experience."""
 
     def __init__(self) -> None:
         super().__init__("evaluator", own_name("evaluator"))
@@ -87,7 +87,7 @@ class Evaluator(GraphNode):
         due = time.monotonic() + HELD
         for evaluation, controller in zip(request.evaluations, controllers, strict=True):
             if not self.context.ok():
-                raise ExternalShutdownException  # others do what is left of the chunk
+                raise ExternalShutdownException  # other evaluators do the rest of the chunk
             rng = evaluation_rng(request.seed, evaluation)
             acting = exploring(controller, request.exploration_sigma, request.seed, evaluation)
             episodes.append(rollout(self._task, acting, rng))
@@ -103,7 +103,7 @@ class Evaluator(GraphNode):
         response.terminated = [bool(e.terminated) for e in episodes]
 
     def _require_free_name(self) -> None:
-        """Listen for a namesake before offering the service, which would get the namesake's requests as well.
+        """Listen for a namesake before offering the service, which would also get the namesake's requests.
 
         Raises:
             PgaError: Another evaluator has the name.
@@ -116,10 +116,10 @@ class Evaluator(GraphNode):
                 raise self.outcome
 
     def _wait_for_reader(self) -> None:
-        """Give discovery a moment before an episode that nobody would hear of: it would have to be done again.
+        """Give discovery a moment before an episode that no node would receive, and that would have to be repeated.
 
-        So it is when the evaluator has just been started, or has just been connected to the network again. Who asks
-        without listening is waited for once, not twice.
+        This happens if the evaluator has just been started or reconnected to the network. After one timeout without a
+        subscriber, stop waiting.
         """
         deadline = time.monotonic() + self._patience
         pause = threading.Event()
@@ -144,7 +144,7 @@ class Evaluator(GraphNode):
         """Check a request and return its controllers.
 
         Raises:
-            RequestError: Wrong task, ids, layers or parameters.
+            RequestError: The task, ids, layers or parameters are wrong.
             SettingsError: The noise is out of its range.
         """
         if request.task != self._task_name:
@@ -176,7 +176,7 @@ class Evaluator(GraphNode):
 
 
 def _named_by_hand(node: Evaluator) -> bool:
-    """Whether a user gave a node its name: one that it makes up is free, and a run sees to those of its own."""
+    """Whether a user gave the node its name; generated names are unique, and a run checks its own nodes' names."""
     return node.get_name() != own_name("evaluator") and os.environ.get(PARENT_WATCH) != "1"
 
 

@@ -31,14 +31,14 @@ def main() -> int:
         if not start(PROGRAM, signal_handler_options=SignalHandlerOptions.NO):
             return 0
         control = Control()
-        # The first signal asks the run to stop, the second ends everything at once, more change nothing.
+        # The first signal stops the run, the second ends everything at once, further ones have no effect.
         signals = Signals(lambda _: control.stop_requested.set(), insist)
         with spinning(control) as faults:
             code = lead_until_told(control, signals)
         return faults[0] if faults else code
     except KeyboardInterrupt:
         return 128 + signal.SIGINT
-    except BrokenPipeError:  # whoever read our output has left, as `| head` does
+    except BrokenPipeError:  # the reader of our output has exited, as in `| head`
         let_go(sys.stdout)
         return 128 + signal.SIGPIPE
     except Exception as error:

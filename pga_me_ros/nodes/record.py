@@ -1,4 +1,4 @@
-"""Records experience, metrics and progress of a run into a rosbag2 folder, as bytes, until it is told to stop."""
+"""Records experience, metrics and progress of a run as bytes into a rosbag2 folder, until it is told to stop."""
 
 from __future__ import annotations
 
@@ -33,27 +33,27 @@ from pga_me_ros.ros.refusals import printable
 from pga_me_ros.ros.shield import shield
 
 TICK = 0.1
-"""Seconds between two looks at whether it is to stop, where no message comes."""
+"""Seconds between two checks whether to stop, if no message comes."""
 
 QUIET = 0.3
-"""Seconds without a message after which, once told to stop, all that had been sent is taken to be here."""
+"""Seconds without a message, after it was told to stop, until everything sent counts as received."""
 
 DRAIN = 5.0
-"""Seconds after which a stream that never pauses is cut off."""
+"""Seconds after which a stream without pauses is cut off."""
 
 TOPICS = (
     (Transitions, names.TRANSITIONS, qos.EXPERIENCE_WRITER),
     (Metrics, names.METRICS, qos.LATCHED),
     (Progress, names.PROGRESS, qos.LATCHED),
 )
-"""What is recorded: type, topic, what its publishers offer."""
+"""What is recorded: type, topic, quality of service of its publishers."""
 
 
 class Recorder(Node):
-    """Writes each message as it comes, and notes whose episodes came.
+    """Writes each message as it arrives, and notes which episodes have arrived.
 
     Attributes:
-        messages: Messages written so far.
+        messages: Number of messages written so far.
     """
 
     def __init__(self) -> None:
@@ -70,7 +70,7 @@ class Recorder(Node):
 
     def _record(self, kind: type, name: str, offered: QoSProfile) -> None:
         note = {Transitions: self._note_episode, Metrics: self._note_metrics}.get(kind)
-        # Deep enough for a burst of all evaluators while the disk is busy.
+        # Deep enough for a burst from all evaluators while the disk is busy.
         wanted = QoSProfile(
             depth=qos.EXPERIENCE_READER.depth,
             reliability=offered.reliability,
@@ -83,7 +83,7 @@ class Recorder(Node):
 
     @property
     def messages(self) -> int:
-        """Messages written so far."""
+        """Number of messages written so far."""
         return self._bag.messages
 
     def _take(self, topic: str, note: Callable[[bytes], None] | None, data: bytes) -> None:
@@ -92,7 +92,7 @@ class Recorder(Node):
             return
         try:
             note(data)
-        except RequestError:  # recorded as it came; who reads it is told
+        except RequestError:  # recorded nevertheless; programs that read it will report it
             self._unread += 1
 
     def _note_episode(self, data: bytes) -> None:
@@ -107,7 +107,7 @@ class Recorder(Node):
         """Close the recording.
 
         Returns:
-            Lines that say what is in it, and what is not.
+            Lines about its content, and about what is missing.
 
         Raises:
             StorageError: The recording cannot be closed.
@@ -142,7 +142,7 @@ def _account(run_id: str, seen: SeenEpisodes) -> list[str]:
 
 
 def record_until(stop: threading.Event, recorder: Recorder) -> None:
-    """Record until an event is set, and then what had been sent before.
+    """Record until an event is set, and then what was sent before.
 
     Raises:
         StorageError: The recording cannot be written.
@@ -175,7 +175,7 @@ def main() -> int:
     stop = threading.Event()
     recorder = None
     try:
-        # Before anything else: a signal must never find a recording without who closes it.
+        # First of all, so that a signal never leaves an open recording.
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, lambda *_: stop.set())
         if not start(PROGRAM, signal_handler_options=SignalHandlerOptions.NO):

@@ -1,4 +1,4 @@
-"""Variation: makes random controllers and, by GA and PG variation, offspring (Alg. 5)."""
+"""Variation: makes random controllers, and offspring by GA and PG variation (Alg. 5)."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ from pga_me_ros.ros.process import run_node
 from pga_me_ros.tasks.registry import task_spec
 
 KEPT = 3
-"""Critic snapshots that are kept: two are in use at a time."""
+"""Number of critic snapshots that are kept; two are in use at a time."""
 
 NOTICE = 10.0
-"""Seconds between two lines in the log while a snapshot is waited for."""
+"""Seconds between two log lines while waiting for a snapshot."""
 
 
 class Variation(GraphNode):
-    """Makes the controllers that the orchestrator asks for, from parents and the newest critic snapshot."""
+    """Makes the controllers that the orchestrator requests, from parents and the newest critic snapshot."""
 
     def __init__(self) -> None:
         super().__init__("variation")
@@ -67,8 +67,8 @@ class Variation(GraphNode):
         except PgaError as error:
             self.refused(f"dropped a critic snapshot: {error}")
         else:
-            # The next generation's snapshot may come while this one's offspring are still made. What came last is kept,
-            # not what has the highest number: one that is missed can be requested again, a stray one is never used.
+            # The next generation's snapshot may come while this one's offspring are still being made. The latest are kept,
+            # not the highest numbers: a missing one can be requested again, and a stray one is never used.
             self._snapshots.pop(snapshot.generation, None)
             self._snapshots[snapshot.generation] = snapshot
             while len(self._snapshots) > KEPT:
@@ -135,7 +135,7 @@ class Variation(GraphNode):
         return Operator(request.operator_id)
 
     def _put_off(self, response: Propose.Response, reason: str) -> None:
-        """Answer that something is still on its way: no refusal, as nothing is wrong with the request."""
+        """Answer that something has yet to arrive; this is not a refusal, as the request is valid."""
         response.accepted, response.again, response.message = False, True, reason
         self.get_logger().info(reason, throttle_duration_sec=NOTICE)
 

@@ -1,4 +1,4 @@
-"""A child process that ends with its parent, in a session of its own, with its output in a log file."""
+"""A child process that ends with its parent, in its own session, with its output in a log file."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from pathlib import Path
 from pga_me_ros.process.parent_watch import PARENT_WATCH
 
 TAIL_BYTES = 10_000
-"""Bytes at the end of a log in which the last line is looked for."""
+"""Bytes at the end of a log that are searched for the last line."""
 
 
 class ChildProcess:
     """One process from start to end.
 
-    It sits in a session of its own, so that Ctrl-C in the terminal reaches its parent alone. It must end when its
-    standard input closes (`process.parent_watch`), which the kernel does when the parent dies.
+    It has its own session, so that Ctrl-C in the terminal reaches only its parent. It must end when its standard input
+    closes (`process.parent_watch`), which the kernel does when the parent dies.
 
     Args:
         command: Program and arguments.
         log_path: File that its output is appended to.
         inherited: File descriptors that it keeps open.
-        environment: Environment variables that it gets besides this process's own.
+        environment: Environment variables in addition to those of this process.
 
     Attributes:
         log_path: File that its output is appended to.
@@ -48,7 +48,7 @@ class ChildProcess:
             self._log_start = log.tell()
             self._process = subprocess.Popen(
                 command,
-                stdin=subprocess.PIPE,  # closes when this process dies: the child's sign to end
+                stdin=subprocess.PIPE,  # closes when this process dies, which tells the child to end
                 stdout=log,
                 stderr=subprocess.STDOUT,
                 start_new_session=True,
@@ -63,7 +63,7 @@ class ChildProcess:
 
     @property
     def exit_code(self) -> int | None:
-        """How it ended: exit status, or minus the number of the signal; None while it lives."""
+        """How it ended: exit status, or minus the number of the signal; None while it runs."""
         return self._process.poll()
 
     @property
@@ -77,16 +77,16 @@ class ChildProcess:
             self._process.send_signal(number)
 
     def kill_session(self) -> None:
-        """Kill it, and with it whatever it has started in its own process group."""
+        """Kill it and all processes in its group."""
         if self.alive:
             with suppress(ProcessLookupError):
                 os.killpg(self.pid, signal.SIGKILL)
 
     def wait(self, timeout: float | None = None) -> bool:
-        """Wait for its end.
+        """Wait for it to end.
 
         Args:
-            timeout: Seconds to wait at most, None for any number.
+            timeout: Maximum seconds to wait, None for no limit.
 
         Returns:
             Whether it has ended.
@@ -96,12 +96,12 @@ class ChildProcess:
         return not self.alive
 
     def close_input(self) -> None:
-        """Close its standard input: its sign to end, if it has not."""
+        """Close its standard input, which tells it to end."""
         if self._process.stdin:
             self._process.stdin.close()
 
     def last_words(self) -> str:
-        """Return the last line that it printed, without what marks it as an error; empty for none."""
+        """Return the last line of its output, without the prefix of an error; empty if there is none."""
         try:
             with self.log_path.open("rb") as log:
                 log.seek(max(self._log_start, log.seek(0, os.SEEK_END) - TAIL_BYTES))
@@ -113,6 +113,6 @@ class ChildProcess:
 
 
 def python_module(module: str, *arguments: str) -> list[str]:
-    """Return the command that runs a module by this interpreter, importing from the same places as this process."""
-    safe_path = ["-P"] if sys.flags.safe_path else []  # -P leaves the current folder out
+    """Return the command that runs a module with this interpreter, importing from the same places as this process."""
+    safe_path = ["-P"] if sys.flags.safe_path else []  # -P excludes the current folder
     return [sys.executable, *safe_path, "-m", module, *arguments]

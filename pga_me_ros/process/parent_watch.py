@@ -1,4 +1,4 @@
-"""A child of the graph ends when its parent is gone, however that died."""
+"""A child of the graph ends when its parent is gone, however the parent died."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ EXIT_ORPHANED = 1
 def watch_parent() -> None:
     """End this process soon after its parent is gone, if it was started as a child of the graph.
 
-    The parent holds the other end of standard input; the kernel closes it however the parent dies. Call it before
-    libraries are imported that take seconds, or the process outlives its parent by as much.
+    The parent holds the other end of standard input, which the kernel closes however the parent dies. Call this before
+    importing libraries that take seconds, or the process outlives its parent by as much.
     """
     if os.environ.get(PARENT_WATCH) == "1":
         threading.Thread(target=_end_with_input, name="parent watch", daemon=True).start()
@@ -29,9 +29,9 @@ def _end_with_input() -> None:
     while os.read(0, 4096):
         pass
     try:
-        # Importing it here could wait for ever for an import that has just begun elsewhere.
+        # Importing it here could wait forever for an import that has just begun in another thread.
         shutdown = getattr(sys.modules.get("rclpy"), "try_shutdown", None)
-        if shutdown is not None:  # else there is no node yet that could end in good order
+        if shutdown is not None:  # otherwise there is no node yet that could end cleanly
             shutdown()
             threading.Event().wait(GRACE)
     finally:

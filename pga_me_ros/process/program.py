@@ -1,4 +1,4 @@
-"""How the programs that are no nodes end: an exit status and at most one line, never a traceback."""
+"""How programs other than nodes end: an exit status and at most one line, never a traceback."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ def run_program(work: Callable[[], None], stopped: str = "stopped") -> int:
     """Do the work of a program.
 
     Args:
-        work: Does it, and prints what came of it.
-        stopped: What to say after Ctrl-C.
+        work: Does the work and prints its outcome.
+        stopped: What to print after Ctrl-C.
 
     Returns:
-        Exit status: 0; 2 when it could not be done; 130 after Ctrl-C.
+        Exit status: 0; 2 if the work could not be done; 130 after Ctrl-C.
     """
     open_standard_streams()
     try:
@@ -27,7 +27,7 @@ def run_program(work: Callable[[], None], stopped: str = "stopped") -> int:
     except KeyboardInterrupt:
         tell(stopped, sys.stderr)
         return 128 + signal.SIGINT
-    except BrokenPipeError:  # the reader, such as `head`, has seen enough
+    except BrokenPipeError:  # the reader, such as `head`, has exited
         let_go(sys.stdout)
     except (PgaError, OSError) as error:
         settle(sys.stdout)

@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM for a program that ends in good order on the first and at once on the second."""
+"""Ctrl-C and SIGTERM for a program that stops cleanly on the first signal and at once on the second."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from collections.abc import Callable
 from types import FrameType
 
 ENDING = (signal.SIGINT, signal.SIGTERM)
-"""Signals that ask a program to end."""
+"""Signals that tell a program to end."""
 
 
 class SecondSignal(BaseException):
@@ -17,11 +17,11 @@ class SecondSignal(BaseException):
 
 
 class Signals:
-    """Catches the signals that ask this program to end, from its main thread.
+    """Catches the signals that tell this program to end; to be made in the main thread.
 
     Args:
-        first: Called with the number of the first signal, within its handler.
-        later: The same for each further one; it may raise, as `insist` does.
+        first: Called with the number of the first signal, in its handler.
+        later: Called in the same way for each further one; it may raise, like `insist`.
 
     Attributes:
         received: Number of the first signal, 0 for none.
@@ -37,18 +37,18 @@ class Signals:
         self.impatient = False
         self._first = first
         self._later = later
-        # No threading.Event: a handler that comes while the main thread holds its lock would wait for ever.
+        # Not a threading.Event: a handler that is called while the main thread holds its lock would wait forever.
         self._pipe, self._bell = os.pipe2(os.O_NONBLOCK | os.O_CLOEXEC)
         for number in ENDING:
             signal.signal(number, self._handle)
 
     @property
     def exit_code(self) -> int:
-        """What a shell expects of a program that a signal ended; 0 for none."""
+        """The exit code that shells expect of a program that a signal ended; 0 for none."""
         return 128 + self.received if self.received else 0
 
     def wait(self, seconds: float) -> None:
-        """Wait, for less when a signal comes or one has come since the last wait."""
+        """Wait; end early if a signal comes or has come since the last wait."""
         if select.select([self._pipe], [], [], seconds)[0]:
             os.read(self._pipe, 4096)
 
@@ -73,7 +73,7 @@ def insist(_: int) -> None:
 
 
 def ignore_signals() -> None:
-    """Let no further signal interrupt the little that is left to do."""
+    """Ignore further signals during the little work that is left."""
     for number in ENDING:
         signal.signal(number, signal.SIG_IGN)
 
@@ -81,5 +81,5 @@ def ignore_signals() -> None:
 def _ring(bell: int) -> None:
     try:
         os.write(bell, b"\0")
-    except BlockingIOError:  # thousands of signals that nobody waited for
+    except BlockingIOError:  # thousands of signals without a wait
         return

@@ -1,4 +1,4 @@
-"""Standard output and error that may go away, as when a terminal is closed: work must not end with them."""
+"""Standard output and error that may be lost, as when a terminal is closed; work must continue without them."""
 
 from __future__ import annotations
 
@@ -9,42 +9,42 @@ from typing import TextIO
 
 
 def open_standard_streams() -> None:
-    """Open those of the three standard streams that were closed by whoever started this process, on nothing.
+    """Open standard streams that were closed when this process started, on the null device.
 
-    Otherwise the next file or socket gets their number, and what a library prints lands in it.
+    Otherwise, the next file or socket would get their number, and output of libraries would go into it.
     """
     for number, mode in enumerate(("r", "w", "w")):
         try:
             os.fstat(number)
         except OSError:
             opened = os.open(os.devnull, os.O_RDWR)
-            if opened != number:  # one with a lower number is closed as well
+            if opened != number:  # one with a lower number is closed, too
                 os.dup2(opened, number)
                 os.close(opened)
             os.set_inheritable(number, True)
         name = ("stdin", "stdout", "stderr")[number]
         if getattr(sys, name) is None:
-            stream = open(number, mode, closefd=False)  # noqa: SIM115, it stays open
+            stream = open(number, mode, closefd=False)  # noqa: SIM115, stays open
             setattr(sys, name, stream)
 
 
 def tell(
     text: str, stream: TextIO | None = None, end: str = "\n", *, reader_counts: bool = False
 ) -> bool:
-    """Print at once, as far as that is possible.
+    """Print at once, if that is possible.
 
     Args:
         text: What to print.
-        stream: Where; None takes standard output.
-        end: What comes behind it.
-        reader_counts: Whether work has no purpose once its reader has left, as with `| head`.
+        stream: Stream to print to; None for standard output.
+        end: What to print after the text.
+        reader_counts: Whether work is pointless after its reader has exited, as with `| head`.
 
     Returns:
-        Whether it was printed. If not, nothing will be from now on.
+        Whether the text was printed. If not, nothing will be from now on.
 
     Raises:
-        BrokenPipeError: The reader has left and counts, and this process does not ignore SIGHUP: `nohup` and `disown`
-            say that it is to outlive its terminal, and with it a reader such as `tee`.
+        BrokenPipeError: `reader_counts` is set, the reader has exited, and this process does not ignore SIGHUP. `nohup`
+            and `disown` mean that it should outlive its terminal, and with it a reader such as `tee`.
     """
     stream = stream or sys.stdout
     try:
@@ -59,7 +59,7 @@ def tell(
 
 
 def settle(stream: TextIO) -> None:
-    """Write what is left in a stream's buffer, or forget it: Python would fail on that at its end, with status 120."""
+    """Write the rest of a stream's buffer, or discard it: at exit, Python would fail on it with status 120."""
     try:
         stream.flush()
     except (OSError, ValueError):
@@ -67,7 +67,7 @@ def settle(stream: TextIO) -> None:
 
 
 def let_go(stream: TextIO) -> None:
-    """Point a stream at nothing, so that nothing that prints fails again, Python's flush at its end included."""
+    """Redirect a stream to the null device, so that no printing fails again, including Python's flush at exit."""
     try:
         number = stream.fileno()
     except (OSError, ValueError):  # it has no file

@@ -1,4 +1,4 @@
-"""What a program prints on the way: lines that stay, and one line of progress that is written over in place."""
+"""A program's output: lines that stay, and a progress line that is overwritten in place."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from typing import TextIO
 from pga_me_ros.process.streams import tell
 
 CLEAR = "\r\x1b[K"
-"""Back to the start of the line, and wipe it."""
+"""Return to the start of the line and erase it."""
 
 
 class Terminal:
-    """Standard output of a program that takes its time; safe to use from several threads.
+    """Standard output of a long-running program; safe to use from several threads.
 
-    Where it is no terminal, every line of progress is a line of its own. Where it cannot be written to, as on a full
-    device or a terminal that is gone, work continues without it: the file that `record` names has the same lines.
+    If it is not a terminal, progress lines are not overwritten. If it cannot be written to, as on a full device or a
+    terminal that is gone, work continues without it; the file given to `record` has the same lines.
 
     Attributes:
-        in_place: Whether the line of progress is written over, and may change as often as it likes.
+        in_place: Whether the progress line is overwritten, and so may change often.
     """
 
     def __init__(self) -> None:
@@ -35,7 +35,7 @@ class Terminal:
         self._log: TextIO | None = None
 
     def record(self, path: Path) -> None:
-        """Keep everything that is shown from now on in a file as well, each line with its time.
+        """Also write everything shown from now on into a file, each line with its time.
 
         Raises:
             OSError: The file cannot be written.
@@ -43,9 +43,12 @@ class Terminal:
         self._log = path.open("a", buffering=1)
 
     def note(self, text: str) -> None:
-        """Write a line into the file alone."""
+        """Write a line only into the file."""
         now = datetime.now(UTC).isoformat(timespec="milliseconds")
-        with self._lock, contextlib.suppress(OSError):  # a full disk must not end what can go on
+        with (
+            self._lock,
+            contextlib.suppress(OSError),
+        ):  # a full disk must not end work that can continue
             if self._log is not None:
                 self._log.write(f"{now} {text}\n")
 
@@ -56,10 +59,10 @@ class Terminal:
             self._tell(text)
 
     def show(self, parts: Sequence[str]) -> None:
-        """Print the line of progress, over the one before.
+        """Print the progress line, over the one before.
 
         Args:
-            parts: Its parts, the ones that can be left out first at the end.
+            parts: Its parts, the least important last.
         """
         self.note("  ".join(parts))
         with self._lock:
@@ -71,7 +74,7 @@ class Terminal:
 
     @contextmanager
     def aside(self) -> Iterator[None]:
-        """Take the line of progress out of the way while something else is written."""
+        """Clear the progress line while something else is written."""
         with self._lock:
             if self._status:
                 self._tell(CLEAR, end="")
@@ -80,7 +83,7 @@ class Terminal:
                 self._draw()
 
     def close(self) -> None:
-        """Leave the line of progress where it is; what is printed next begins below it."""
+        """Leave the progress line where it is; further output begins below it."""
         with self._lock:
             if self._status:
                 self._tell("")
@@ -96,9 +99,9 @@ class Terminal:
 
 
 def fitted(parts: Sequence[str], columns: int) -> str:
-    """Return as many parts as fit into a line, two spaces between them, the first one cut if need be.
+    """Return as many parts as fit into a line, separated by two spaces; the first one is shortened if necessary.
 
-    The last column stays free: terminals begin a new line when it is written to.
+    The last column stays free, because terminals begin a new line when it is written.
     """
     width = max(columns - 1, 1)
     count = len(parts)

@@ -1,1 +1,1 @@
-"""Pictures of stored gaits, drawn without a display; needs PyBullet and Pillow, and nothing of ROS or torch."""
+"""Pictures of stored gaits, drawn without a display. Needs PyBullet and Pillow, but not ROS or torch."""

@@ -8,7 +8,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as evaluators have it
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as in evaluators
 
 from pga_me_ros.core.storage.stored_run import StoredRun
 from pga_me_ros.errors import RequestError, StorageError
@@ -29,13 +29,13 @@ COLUMNS = 8
 
 
 def main(args: Sequence[str] | None = None) -> int:
-    """Draw what the command line asks for, and print the name of the file.
+    """Draw a picture as the command line says, and print the name of the file.
 
     Args:
-        args: Command line without the program's name, None for the process's own.
+        args: Command line without the program's name, None for that of this process.
 
     Returns:
-        Exit status, as `run_program`.
+        Exit status, as for `run_program`.
     """
     asked = _parser().parse_args(args)
     return run_program(lambda: print(render(asked)))
@@ -96,7 +96,7 @@ def _draw_sheet(asked: argparse.Namespace, run: StoredRun, task: Task, out: Path
 
 
 def _recorded(run: StoredRun, task: Task, gait: Gait) -> Recording:
-    """Run a gait's evaluation again, and say whether the result was the same."""
+    """Repeat a gait's evaluation, and print whether the result was the same."""
     recording = evaluated_again(task, run.settings, gait, 1)
     print(f"cell {gait.cell}: {kept(gait, recording.episode)}", file=sys.stderr)
     return recording

@@ -15,7 +15,7 @@ from pga_me_ros.render.labels import described, labelled
 from pga_me_ros.render.scene import Scene
 
 COLORS = 64
-"""Colors of a GIF: few make small files, and flat shades need no more."""
+"""Number of colors of a GIF: few colors make small files, and flat shades need no more."""
 
 TICK = 0.01
 """Unit of a GIF's times, s."""
@@ -28,7 +28,7 @@ def animation(
 
     Args:
         recording: The episode.
-        gait: What it shows.
+        gait: Its gait.
         period: Time of a step, s.
         size: Width and height, pixels.
     """
@@ -48,24 +48,24 @@ def animation(
 
 
 def save_gif(path: Path, frames: list[Image.Image], times: list[float]) -> None:
-    """Write an animation that repeats for ever.
+    """Write an animation that repeats forever.
 
     Args:
         path: File to write.
         frames: Its pictures.
-        times: When each is to be seen, s from the start. The last one stays for a second.
+        times: Time of each frame, s from the start. The last one stays for a second.
 
     Raises:
         StorageError: The file cannot be written.
     """
-    # One palette for all, or colors would flicker; made of frames from all over, as the first may lack some.
+    # One palette for all, or colors would flicker; made from frames throughout, as the first may lack some colors.
     sample = frames[:: max(1, len(frames) // 6)]
     strip = Image.new("RGB", (frames[0].width, frames[0].height * len(sample)))
     for k, frame in enumerate(sample):
         strip.paste(frame, (0, k * frame.height))
     palette = strip.quantize(COLORS, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
     few = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
-    # Rounding each time, not each duration: errors do not add up.
+    # Times are rounded, not durations, so that errors do not add up.
     ticks = [round(time / TICK) for time in times]
     lasting = [10 * (b - a) for a, b in itertools.pairwise(ticks)] + [1000]
     try:

@@ -1,4 +1,4 @@
-"""A behavior's evaluation, run again and drawn as an animated GIF."""
+"""A behavior's evaluation, repeated and drawn as an animated GIF."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class GifOptions:
 
     Attributes:
         start: Seconds of the episode to leave out.
-        seconds: Most seconds of the episode to show.
+        seconds: Maximum seconds of the episode to show.
         speed: 1 for real time.
         fps: Pictures per simulated second.
         size: Width and height, pixels.
@@ -45,7 +45,7 @@ def require_pillow() -> None:
 
 
 def evaluated_again(task: Task, settings: Settings, gait: Gait, every: int) -> Recording:
-    """Run a behavior from the very start of its evaluation, and keep the states of the robot.
+    """Run a behavior from the initial pose of its evaluation, and keep the states of the robot.
 
     Args:
         task: The task of its run.
@@ -61,7 +61,7 @@ def evaluated_again(task: Task, settings: Settings, gait: Gait, every: int) -> R
 
 
 def draw_gif(task: Task, settings: Settings, gait: Gait, out: Path, options: GifOptions) -> Episode:
-    """Run a behavior's evaluation again and draw it.
+    """Repeat a behavior's evaluation and draw it.
 
     Args:
         task: The task of its run.

@@ -1,4 +1,4 @@
-"""Many gaits of an archive in one picture: a row each, moments of the episode from left to right."""
+"""Many gaits of an archive in one picture: one row per gait, moments of the episode from left to right."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from pga_me_ros.render.labels import PAPER, described, write
 from pga_me_ros.render.scene import Scene
 
 LABEL = 150
-"""Width of the column of words, pixels."""
+"""Width of the column of text, pixels."""
 
 HEAD = 34
 """Height of the title, pixels."""
 
 GAP = 3
-"""Between two pictures, pixels."""
+"""Space between two pictures, pixels."""
 
 LETTERS = 13
 
@@ -39,13 +39,13 @@ class Row:
 def spread_cells(archive: Archive, cells: Int64Array, count: int) -> list[int]:
     """Return cells whose elites lie far from each other, in the order of their descriptors.
 
-    The first one chosen is the fittest; each further one has the greatest distance to those before, in units of the
+    The first one chosen is the fittest; each further one has the largest distance to those before, in units of the
     descriptor space's edges.
 
     Args:
         archive: The archive.
         cells: Filled cells to choose from, at least one.
-        count: Most cells to return.
+        count: Maximum number of cells to return.
     """
     points = (archive.descriptors[cells] - archive.low) / (archive.high - archive.low)
     chosen = [int(np.argmax(archive.fitness[cells]))]

@@ -1,4 +1,4 @@
-"""Words in pictures."""
+"""Text in pictures."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pga_me_ros.render.scene import Picture
 INK = (40, 44, 52)
 PAPER = (255, 255, 255)
 LINE = 1.35
-"""Distance between lines of text over the size of its letters."""
+"""Distance between lines of text, relative to the font size."""
 
 
 def described(gait: Gait) -> list[str]:
@@ -24,10 +24,10 @@ def write(image: Image.Image, place: tuple[float, float], lines: list[str], size
     """Write lines of text into an image.
 
     Args:
-        image: Image to be changed.
+        image: Image to change.
         place: Upper left corner, pixels.
         lines: Text.
-        size: Size of the letters, pixels.
+        size: Font size, pixels.
     """
     draw, font = ImageDraw.Draw(image), ImageFont.load_default(size)
     for k, line in enumerate(lines):
@@ -40,7 +40,7 @@ def labelled(picture: Picture, lines: list[str], size: int = 13) -> Image.Image:
     Args:
         picture: (height, width, 3) uint8.
         lines: Text.
-        size: Size of the letters, pixels.
+        size: Font size, pixels.
     """
     image = Image.fromarray(np.ascontiguousarray(picture))
     write(image, (6, 4), lines, size)

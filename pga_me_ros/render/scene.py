@@ -1,4 +1,4 @@
-"""Pictures without a display: a copy of the robot in a world of its own, drawn by PyBullet's software renderer.
+"""Pictures without a display: a copy of the robot in a separate world, drawn by PyBullet's software renderer.
 
 The copy is posed, never simulated, so that drawing cannot change an episode.
 """
@@ -20,17 +20,17 @@ TILE = 0.5
 """Edge of a tile of the ground, m."""
 
 TILES = (32, 24)
-"""Tiles along x and y that are laid around the robot, both even, so that they can move by two unseen."""
+"""Number of tiles around the robot along x and y, both even, so that they can be moved by two unnoticed."""
 
 TILE_COLORS: tuple[Color, Color] = ((0.78, 0.80, 0.83, 1.0), (0.62, 0.66, 0.71, 1.0))
 SKY = np.array([[218, 232, 246], [250, 252, 255]], np.float64)
-"""Color at the top and at the bottom of what nothing covers."""
+"""Color of the background at the top and at the bottom."""
 
 Picture = NDArray[np.uint8]
 
 
 class Scene:
-    """A robot on chequered ground.
+    """A robot on a checkered ground.
 
     Args:
         model: The robot.
@@ -91,7 +91,7 @@ class Scene:
             self._client = -1
 
     def _load(self, model: RobotModel) -> int:
-        # Without its empty first link, about which PyBullet would print a warning; the torso has the same frame.
+        # Without its empty first link, for which PyBullet would print a warning; the torso has the same frame.
         model = RobotModel(model.name, model.links[1:], model.joints[1:])
         with tempfile.TemporaryDirectory() as folder:
             file = Path(folder) / "robot.urdf"
@@ -131,7 +131,7 @@ class Scene:
         return int(pybullet.createMultiBody(baseVisualShapeIndex=look, physicsClientId=client))
 
     def _move_ground(self, towards: tuple[float, float]) -> None:
-        """Lay the tiles around a point, by whole periods of their pattern, so that the ground seems to stay."""
+        """Move the tiles to a point by whole periods of their pattern, so that the ground seems to stay."""
         period = 2 * TILE
         x, y = (period * round(value / period) for value in towards)
         for body in self._ground:

@@ -1,1 +1,1 @@
-"""Gradients of small networks, fast and with the same bits every time: networks, Adam, policy gradient, threads."""
+"""Fast, reproducible gradients of small networks: networks, Adam, policy gradient, threads."""

@@ -1,6 +1,6 @@
 """Adam (Kingma & Ba 2015) with its usual constants on one parameter tensor."""
 
-# Annotations stay types: see `compiled`.
+# Annotations must stay types: see `compiled`.
 from typing import NamedTuple
 
 import torch
@@ -15,7 +15,7 @@ class Adam(NamedTuple):
     Lists have one entry: torch's fused kernel takes any number of parameter tensors.
 
     Attributes:
-        parameters: What a step changes.
+        parameters: Parameters that a step changes.
         moment1: Running mean of the gradients, of the same shape.
         moment2: Running mean of their squares, of the same shape.
         steps: Number of steps taken, a float32 scalar.
@@ -43,10 +43,10 @@ def reset_adam(adam: Adam) -> None:
 
 @compiled
 def adam_step(adam: Adam, gradient: Tensor, learning_rate: float, maximize: bool) -> None:
-    """Go one step down the gradient, or up with `maximize`.
+    """Take one step down the gradient, or up with `maximize`.
 
-    torch's fused kernel itself: the optimizer classes import torch's own compiler, which takes seconds and a hundred
-    megabytes, and `torch.optim.adam.adam` is nothing that TorchScript knows.
+    This calls torch's fused kernel directly: the optimizer classes import torch's compiler, which takes seconds and a
+    hundred megabytes, and TorchScript does not support `torch.optim.adam.adam`.
     """
     adam.steps[0].add_(1)
     no_maxima: list[Tensor] = []

@@ -2,11 +2,11 @@
 
 The critics, the greedy controller and PG variation spend all their time in a dozen matrix products
 per step. Autograd adds nearly half to that: it makes new tensors each time and computes gradients
-that nobody asked for (those of the critic when a controller follows it). Here the products write to
-buffers that stay, and each caller asks for what it needs.
+that are not needed (those of the critic when a controller follows it). Here the products write to
+reused buffers, and callers compute only the gradients they need.
 """
 
-# Annotations stay types: see `compiled`.
+# Annotations must stay types: see `compiled`.
 from typing import NamedTuple
 
 import torch
@@ -19,18 +19,18 @@ from pga_me_ros.core.networks.mlp import MlpShape
 class BatchedMlp(NamedTuple):
     """E perceptrons of one shape with the buffers for batches of N inputs; made by `make_batched_mlp`.
 
-    Lists have an entry per layer. All parameters are views of one tensor, which the networks read in place, so whoever
-    changes it changes them.
+    Lists have an entry per layer. All parameters are views of one tensor, which the networks read in place, so changes
+    to it take effect.
 
     Attributes:
         weights: (E, n_out, n_in).
-        weights_transposed: (E, n_in, n_out), views of them: made once, as there would be dozens per gradient step.
+        weights_transposed: (E, n_in, n_out), views of them, made once instead of dozens of times per gradient step.
         biases: (E, 1, n_out).
         gradient: (E, P), filled by `backward`.
         weight_gradients: (E, n_out, n_in), views of it.
         bias_gradients: (E, 1, n_out), views of it.
-        signals: (E, N, n_out), what came out of each layer.
-        deltas: (E, N, n_out), derivatives of the objective by what went into each layer's nonlinearity.
+        signals: (E, N, n_out), output of each layer.
+        deltas: (E, N, n_out), derivatives of the objective with respect to the input of each layer's nonlinearity.
         deltas_transposed: (E, n_out, N), views of them.
         tanh: Whether the output goes through tanh (controllers) or is linear (critics).
     """
@@ -103,13 +103,13 @@ def _output_delta(nets: BatchedMlp, output_gradient: Tensor) -> None:
 def _delta_below(nets: BatchedMlp, layer: int) -> None:
     below = nets.deltas[layer - 1]
     torch.bmm(nets.deltas[layer], nets.weights[layer], out=below)
-    # The rectifier's own backward kernel: masking with a comparison takes ten times as long on a CPU.
+    # The rectifier's backward kernel: masking with a comparison takes ten times as long on a CPU.
     torch.ops.aten.threshold_backward(below, nets.signals[layer - 1], 0.0, grad_input=below)
 
 
 @compiled
 def forward(nets: BatchedMlp, inputs: Tensor) -> Tensor:
-    """Return the outputs (E, N, n_out) for inputs (E or 1, N, n_in), in a buffer: they hold until the next call."""
+    """Return the outputs (E, N, n_out) for inputs (E or 1, N, n_in), in a buffer that is valid until the next call."""
     signal = _for_all(nets, inputs)
     last = len(nets.weights) - 1
     for layer, weights in enumerate(nets.weights_transposed):
@@ -126,7 +126,7 @@ def backward(nets: BatchedMlp, inputs: Tensor, output_gradient: Tensor) -> None:
     Args:
         nets: The networks.
         inputs: (E or 1, N, n_in), the inputs of that call.
-        output_gradient: (E or 1, N, n_out), derivative of the objective by the outputs.
+        output_gradient: (E or 1, N, n_out), derivative of the objective with respect to the outputs.
     """
     _output_delta(nets, output_gradient)
     for layer in range(len(nets.weights) - 1, -1, -1):
@@ -141,11 +141,11 @@ def backward(nets: BatchedMlp, inputs: Tensor, output_gradient: Tensor) -> None:
 def input_gradient(
     nets: BatchedMlp, output_gradient: Tensor, weights: Tensor, out: Tensor
 ) -> Tensor:
-    """Return the derivative by some of the inputs, and no other.
+    """Return the derivative with respect to some of the inputs only.
 
     Args:
         nets: The networks.
-        output_gradient: (E or 1, N, n_out), derivative of the objective by the outputs.
+        output_gradient: (E or 1, N, n_out), derivative of the objective with respect to the outputs.
         weights: (E, n_hidden, n), the columns of those inputs in the first layer's weights.
         out: (E, N, n) to write to.
     """

@@ -1,4 +1,4 @@
-"""What torch computes on: threads of a matrix product, and the device."""
+"""Where torch computes: threads of a matrix product, and the device."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pga_me_ros.errors import SettingsError
 
 @contextmanager
 def torch_threads(threads: int) -> Iterator[None]:
-    """Compute with so many threads within the block; the last bits of a sum depend on it."""
+    """Compute with this number of threads within the block; the last bits of a sum depend on it."""
     before = torch.get_num_threads()
     torch.set_num_threads(threads)
     try:
@@ -25,7 +25,7 @@ def choose_device(device: str) -> torch.device:
     """Return the torch device of a name.
 
     Args:
-        device: 'auto' takes a GPU if torch finds one, else the CPU; any other name is torch's own,
+        device: 'auto' uses a GPU if torch finds one, else the CPU; any other name is torch's own,
             such as 'cpu'.
 
     Raises:

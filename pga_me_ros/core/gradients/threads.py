@@ -1,8 +1,8 @@
 """Threads that share a gradient computation while cores are idle; no result depends on whether they do.
 
-Two forms of sharing: `PairOfThreads` for two networks that are trained side by side and meet often, and
-`run_with_helpers` for many independent parts. Both ask `idle_cores` first: a thread without a core of its own would
-only slow down what else runs here.
+There are two ways to share: `PairOfThreads` for two networks that are trained in parallel and synchronize often, and
+`run_with_helpers` for many independent parts. Both check `idle_cores` first: a thread without its own core would only
+slow down other processes.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ import torch
 Job = Callable[[], None]
 
 GoesOn = Callable[[], bool]
-"""What a thread asks after each part of the work: whether it should take another one."""
+"""Returns whether a thread should take another part of the work; called after each part."""
 
 
 class PairOfThreads:
     """Runs torch jobs in two threads while a core is idle, otherwise one after the other, with the same outcome.
 
     Args:
-        workers: Threads: 2, or 1 for the caller's alone.
+        workers: Number of threads: 2, or 1 for the caller only.
         torch_threads: Threads of each matrix product; torch keeps that number per thread.
     """
 
@@ -38,13 +38,13 @@ class PairOfThreads:
         self._pool = ThreadPoolExecutor(1, initializer=prepare) if workers > 1 else None
 
     def __call__(self, *jobs: Job) -> None:
-        """Run all jobs and wait until they have ended; none may touch what another one writes.
+        """Run all jobs and wait until they have ended; no job may access what another one writes.
 
-        A job may wait for something that an earlier one does. The caller runs the last one: a KeyboardInterrupt reaches
-        the main thread only, and the second thread never waits for it.
+        A job may wait for an earlier one. The caller runs the last one: a KeyboardInterrupt reaches only the main
+        thread, and the second thread never waits for it.
 
         Raises:
-            Exception: A job raised it; no job runs any longer then.
+            Exception: A job raised it; all jobs have ended.
         """
         if self._pool is None or idle_cores() < 1:
             for job in jobs:
@@ -67,12 +67,12 @@ def run_with_helpers(work: Callable[[GoesOn], None], helpers: int) -> None:
     """Do work in this thread and in helper threads, which join while cores are idle and leave when others need them.
 
     Args:
-        work: Called by each thread. It takes part after part from where all threads take theirs, until none is left or
-            it is told not to go on.
-        helpers: Greatest number of other threads.
+        work: Called by each thread. It takes part after part from a source shared by all threads, until none is left
+            or it is told to stop.
+        helpers: Maximum number of helper threads.
 
     Raises:
-        Exception: `work` raised it in one of the threads; none runs any longer then.
+        Exception: `work` raised it in one of the threads; all have ended.
     """
     if helpers < 1:
         work(lambda: True)
@@ -93,14 +93,14 @@ def run_with_helpers(work: Callable[[GoesOn], None], helpers: int) -> None:
 
 
 LOAD_FILE = "/proc/loadavg"
-"""Where Linux tells how many threads run or could run, whoever owns them."""
+"""Where Linux reports how many threads of all users run or could run."""
 
 
 def idle_cores() -> int:
-    """Return the number of cores that nobody uses right now.
+    """Return the number of cores that are idle now.
 
-    The caller's core is in use. A negative number says how many threads wait for a core. Where the system doesn't tell,
-    the caller is taken to be alone.
+    The caller's core is in use. A negative number means that this many threads wait for a core. If the system does not
+    tell, the caller is assumed to be alone.
     """
     cores = os.cpu_count() or 1
     load = _open_load()
@@ -113,7 +113,7 @@ def idle_cores() -> int:
 
 @cache
 def _open_load() -> int | None:
-    """Return a file descriptor that is kept open: a reading then takes 2 µs."""
+    """Return a file descriptor that stays open, so that a reading takes 2 µs."""
     try:
         return os.open(LOAD_FILE, os.O_RDONLY)
     except OSError:

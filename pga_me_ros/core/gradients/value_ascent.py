@@ -1,6 +1,6 @@
-"""The policy gradient (Eq. 1 of Nilsson & Cully 2021): which way a controller's actions gain in value."""
+"""The policy gradient (Eq. 1 of Nilsson & Cully 2021): how to change a controller so that its actions gain value."""
 
-# Annotations stay types: see `compiled`.
+# Annotations must stay types: see `compiled`.
 from typing import NamedTuple
 
 from torch import Tensor
@@ -23,12 +23,12 @@ class ValueAscent(NamedTuple):
     Attributes:
         controllers: The controllers.
         critics: Their critics.
-        inputs: (E, N, obs_dim + act_dim) of the critics.
+        inputs: (E, N, obs_dim + act_dim), inputs of the critics.
         states: (E, N, obs_dim), a view of them.
         actions: (E, N, act_dim), a view of them.
         action_weights: (E, n, act_dim), the actions' columns of the weights of the critics' first layer.
-        by_action: (E, N, act_dim), derivatives of the objective by the actions.
-        weights: (1, N, 1), what each state counts in the mean.
+        by_action: (E, N, act_dim), derivatives of the objective with respect to the actions.
+        weights: (1, N, 1), weight of each state in the mean.
     """
 
     controllers: BatchedMlp
@@ -49,7 +49,7 @@ def make_value_ascent(
     rows: int,
     weight: float | None = None,
 ) -> ValueAscent:
-    """Reserve the memory for gradients of the mean of Q1(s, pi(s)) by the parameters of E controllers.
+    """Reserve the memory for gradients of the mean of Q1(s, pi(s)) with respect to the parameters of E controllers.
 
     Args:
         controllers: (E, P) float32, read in place.
@@ -57,7 +57,7 @@ def make_value_ascent(
         critics: (E, P_critic) float32, the critic of each controller; read in place.
         critic_shape: Layers of each critic.
         rows: N, states per batch.
-        weight: What each state counts in the mean; None for 1/N.
+        weight: Weight of each state in the mean; None for 1/N.
     """
     obs_dim, act_dim = controller_shape.sizes[0], controller_shape.sizes[-1]
     judges = make_batched_mlp(critic_shape, critics, rows, tanh=False)
@@ -70,7 +70,7 @@ def make_value_ascent(
         states=states,
         actions=actions,
         action_weights=judges.weights[0][:, :, obs_dim:],
-        # A product with so few columns is several times as fast when it writes them as rows.
+        # A product with so few columns is several times as fast if it writes them as rows.
         by_action=controllers.new_zeros((len(controllers), act_dim, rows)).transpose(1, 2),
         weights=controllers.new_full((1, rows, 1), 1.0 / rows if weight is None else weight),
     )

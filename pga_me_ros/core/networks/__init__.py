@@ -1,1 +1,1 @@
-"""Multi-layer perceptrons: controllers and the shapes of all networks, NumPy alone."""
+"""Multi-layer perceptrons: controllers and the shapes of all networks, with only NumPy."""

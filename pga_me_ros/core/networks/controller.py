@@ -1,4 +1,4 @@
-"""A perceptron that is ready to act: observation in, action out."""
+"""A perceptron that is ready to act."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
-"""Controllers: multi-layer perceptrons kept as one flat float32 vector, run with NumPy alone.
+"""Controllers: multi-layer perceptrons stored as one flat float32 vector, run with only NumPy.
 
-The flat layout is the one that messages and the repertoire file carry: for each layer from input to
+Messages and the repertoire file have the same flat layout: for each layer from input to
 output, the weights (n_out, n_in) in row-major order, then the biases (n_out,). Hidden layers are
 rectified (max(0, x)); the output of a controller goes through tanh, that of a critic is linear.
-Robots run a controller with this file and NumPy, nothing else.
+Robots need only this file and NumPy to run a controller.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from pga_me_ros.errors import NetworkError
 
 @dataclass(frozen=True)
 class TensorSlice:
-    """Where one weight or bias tensor lies in the flat vector."""
+    """Place of one weight or bias tensor in the flat vector."""
 
     offset: int
     shape: tuple[int, ...]
@@ -46,7 +46,7 @@ class MlpShape:
         sizes: Neurons per layer: input, hidden ..., output.
 
     Raises:
-        NetworkError: Fewer than two layers, or a layer without neurons.
+        NetworkError: There are fewer than two layers, or a layer without neurons.
     """
 
     sizes: tuple[int, ...]
@@ -81,10 +81,10 @@ class MlpShape:
         return list(zip(views[::2], views[1::2], strict=True))
 
     def check(self, parameters: Any) -> None:
-        """Make sure that an array holds the parameters of such a network.
+        """Make sure that an array can be the parameters of such a network.
 
         Raises:
-            NetworkError: It is no (P,) float32 array, or has entries that are not finite.
+            NetworkError: It is not a (P,) float32 array, or has entries that are not finite.
         """
         if not isinstance(parameters, np.ndarray) or parameters.dtype != np.float32:
             kind = getattr(parameters, "dtype", type(parameters).__name__)
@@ -105,7 +105,7 @@ class MlpShape:
 
 
 def random_parameters(shape: MlpShape, rng: np.random.Generator) -> Float32Array:
-    """Draw a random controller (Alg. 3, line 10, Nilsson & Cully 2021; distribution as coded).
+    """Draw a random controller (Alg. 3, line 10, Nilsson & Cully 2021; distribution as in the authors' code).
 
     Args:
         shape: Layers of the controller.

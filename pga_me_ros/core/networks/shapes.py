@@ -9,7 +9,7 @@ from pga_me_ros.core.settings import Settings
 
 
 class RobotDimensions(Protocol):
-    """What a network needs to know of a task; every task's spec provides it."""
+    """What a network needs to know about a task; every task's spec provides it."""
 
     @property
     def observation_dim(self) -> int:

@@ -19,12 +19,12 @@ from pga_me_ros.tasks.spec import TaskSpec
 
 @dataclass(frozen=True)
 class Trained:
-    """The outcome of a training, which nothing that comes after it changes.
+    """The outcome of a training; later trainings do not change it.
 
     Attributes:
         order: The training.
         snapshot: What offspring are made with.
-        state: What the next training starts from.
+        state: State from which the next training starts.
     """
 
     order: TrainingOrder
@@ -33,10 +33,10 @@ class Trained:
 
 
 class ResumableLearner:
-    """Carries out training orders, each from exactly the state that it has to start from.
+    """Carries out training orders, each from exactly the state it must start from.
 
-    Whatever ran before in this process or another, the outcome of an order is the same: the state is that
-    of the newest checkpoint for an earlier generation, the replay buffer holds the experience that the order names.
+    Whatever ran before in this process or another, the outcome of an order is the same: the state is that of the newest
+    checkpoint for an earlier generation, and the replay buffer holds the experience named by the order.
 
     Args:
         spec: Task.
@@ -58,10 +58,12 @@ class ResumableLearner:
         self.experience = Experience(directory / "experience", settings)
         self._checkpoints = CriticCheckpoints(directory)
         self._learner: Learner = make_learner(spec, settings, workers)
-        self._trained_for: int | None = None  # None: not known to be the outcome of any training
+        self._trained_for: int | None = (
+            None  # None: the state is not the outcome of a known training
+        )
 
     def find(self, order: TrainingOrder) -> Snapshot | None:
-        """Return the outcome of exactly this training, if it was done before.
+        """Return the outcome of exactly this training, None if it was not done before.
 
         Raises:
             StorageError: Its file is damaged.
@@ -70,15 +72,15 @@ class ResumableLearner:
         return done[0] if done else None
 
     def prepare(self, order: TrainingOrder, greedy: Float32Array | None = None) -> None:
-        """Bring critics and replay buffer into the state that a training starts from.
+        """Bring critics and replay buffer into the state from which a training starts.
 
         Args:
             order: The training.
-            greedy: (P,) float32 controller that the greedy one starts at if this is the first training of the run;
-                None with ``greedy_init: random``.
+            greedy: (P,) float32 start of the greedy controller if this is the first training of the run; None with
+                ``greedy_init: random``.
 
         Raises:
-            RequestError: The experience that it needs is not here, or `greedy` is needed and not given.
+            RequestError: The experience that it needs is missing, or `greedy` is needed but not given.
             NetworkError: `greedy` does not fit the layers.
             StorageError: A stored file is damaged or missing.
         """
@@ -90,14 +92,14 @@ class ResumableLearner:
                 raise RequestError("The first training needs a controller to start at; send one.")
             self._learner.start_greedy_at(greedy)
         window = self.experience.window(order.experience)
-        # Training may have been off for longer than files are kept: the buffer is then too old to continue.
+        # Training may have been off for longer than files are kept; the buffer is then too old to continue with.
         if not window.start <= self._learner.newest + 1 <= window.stop:
             self._learner.forget_experience()
         for generation in range(max(window.start, self._learner.newest + 1), window.stop):
             self._learner.add(generation, self.experience.episodes(generation))
 
     def train(self, order: TrainingOrder) -> Trained:
-        """Carry out a training that `prepare` was called for; it has not been done before `save` is.
+        """Carry out the training for which `prepare` was called; it counts as done only after `save`.
 
         Raises:
             NetworkError: The training diverged.
@@ -110,7 +112,7 @@ class ResumableLearner:
     def save(self, trained: Trained) -> None:
         """Make the outcome of a training durable; another thread may start the next training meanwhile.
 
-        If it fails, this learner is ahead of its files, and must not be used any longer.
+        If it fails, this learner is ahead of its files and must no longer be used.
 
         Raises:
             StorageError: The outcome cannot be written.
@@ -118,7 +120,7 @@ class ResumableLearner:
         self._checkpoints.save(trained.order, trained.snapshot, trained.state)
 
     def trained_before(self, generation: int) -> int | None:
-        """Return which training the one for a generation would continue, None if it would be the first."""
+        """Return for which generation the training was that this one would continue, None if it would be the first."""
         if self._trained_for is not None and self._trained_for < generation:
             return self._trained_for
         return self._checkpoints.newest_before(generation)

@@ -1,4 +1,4 @@
-"""Training orders, carried out one after the other in a thread of their own."""
+"""Training orders, carried out one after the other in a separate thread."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from pga_me_ros.errors import PgaError, RequestError
 
 
 class TrainingQueue:
-    """Trains in a thread of its own, and reports each outcome once it is durable.
+    """Trains in a separate thread, and reports each outcome when it is durable.
 
-    An order may come while the training that it continues is under way. It then starts as soon as that one ends,
-    before its outcome is written and reported, so that no core is idle in between.
+    An order may come during the training that it continues. It then starts as soon as that one ends, before its outcome
+    is written and reported, so that no core is idle in between.
 
     Args:
-        learner: What trains. Whoever else uses its experience holds `lock`.
+        learner: The learner. Others that use its experience must hold `lock`.
         tell: Called, from a thread, with each outcome.
-        fail: Called, from a thread, with what a training or the writing of an outcome raised; all further orders are
-            refused then.
+        fail: Called, from a thread, with the exception of a training or of writing an outcome; all further orders are
+            then refused.
 
     Attributes:
         lock: Held while the experience is read for a training.
-        fault: Why no more orders are taken, in words; empty while they are.
+        fault: Why no more orders are accepted; empty while they are.
     """
 
     def __init__(
@@ -44,27 +44,27 @@ class TrainingQueue:
         self._under_way: TrainingOrder | None = None
         self._next: TrainingOrder | None = None
         self._unwritten: list[TrainingOrder] = []
-        self._writer = ThreadPoolExecutor(1)  # one after the other, as each replaces what is older
+        self._writer = ThreadPoolExecutor(1)  # one after the other, as each replaces older ones
 
     def __len__(self) -> int:
-        """Return the number of trainings that are under way or wait for the one before."""
+        """Return the number of trainings that are running or wait for the one before."""
         return (self._under_way is not None) + (self._next is not None)
 
     def order(
         self, order: TrainingOrder, after: int = 0, greedy: Float32Array | None = None
     ) -> Snapshot | None:
-        """Start a training, or queue it behind the one under way.
+        """Start a training, or queue it behind the current one.
 
         Args:
             order: The training.
-            after: Generation whose training it must continue; 0: the newest one before it.
+            after: Generation whose training it must continue; 0 for the newest one before it.
             greedy: (P,) float32 start of the greedy controller, if this is the first training of the run.
 
         Returns:
-            Its outcome if it was done before; otherwise None, and `tell` is called with it later.
+            Its outcome if it was done before; otherwise None, and `tell` is called with the outcome later.
 
         Raises:
-            RequestError: An earlier training failed, another is under way, or the one to continue was not done here.
+            RequestError: An earlier training failed, another is running, or the one to continue was not done here.
             StorageError: A stored file is damaged or missing.
         """
         with self.lock:
@@ -72,7 +72,7 @@ class TrainingQueue:
                 raise RequestError(self.fault)
             if order in (self._under_way, self._next, *self._unwritten):
                 return None
-            # Also while another training is under way: a restarted node asks for the snapshot it missed.
+            # Even during another training: a restarted node requests the snapshot it missed.
             done = self._learner.find(order)
             if done is None:
                 self._accept(order, after, greedy)
@@ -97,17 +97,17 @@ class TrainingQueue:
         threading.Thread(target=self._work, args=(order,), name="training", daemon=True).start()
 
     def _work(self, order: TrainingOrder | None) -> None:
-        """Train until there is no order left; torch lets other threads run meanwhile."""
+        """Train until no order is left; torch lets other threads run meanwhile."""
         try:
             while order is not None:
                 order = self._over(self._learner.train(order))
         except (
             Exception
-        ) as error:  # otherwise the orchestrator would order the same training forever
+        ) as error:  # otherwise, the orchestrator would order the same training forever
             self._end(error)
 
     def _over(self, trained: Trained) -> TrainingOrder | None:
-        """Have an outcome written, and prepare and return the order that is queued behind it."""
+        """Start writing an outcome, and prepare and return the order queued behind it."""
         with self.lock:
             if self.fault:
                 return None
@@ -118,7 +118,7 @@ class TrainingQueue:
                 if self._under_way is not None:
                     self._learner.prepare(self._under_way)
             except PgaError:
-                self._under_way = None  # ordering it again reports what is wrong
+                self._under_way = None  # repeating the order will report what is wrong
             return self._under_way
 
     def _write(self, trained: Trained) -> None:
@@ -135,7 +135,7 @@ class TrainingQueue:
         self._tell(trained.snapshot)
 
     def _end(self, error: Exception) -> None:
-        """Take no more orders."""
+        """Accept no more orders."""
         with self.lock:
             self.fault = str(error) if isinstance(error, PgaError) else repr(error)
             self._under_way = self._next = None
