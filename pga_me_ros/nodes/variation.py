@@ -67,8 +67,8 @@ class Variation(GraphNode):
         except PgaError as error:
             self.refused(f"dropped a critic snapshot: {error}")
         else:
-            # The next generation's snapshot may come while this one's offspring are still being made. The latest are kept,
-            # not the highest numbers: a missing one can be requested again, and a stray one is never used.
+            # The next generation's snapshot may come while offspring of this one are still being made. The latest are
+            # kept, not the highest numbers: a missing one can be requested again, and a stray one is never used.
             self._snapshots.pop(snapshot.generation, None)
             self._snapshots[snapshot.generation] = snapshot
             while len(self._snapshots) > KEPT:
