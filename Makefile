@@ -1,13 +1,14 @@
 # Every target first sets up what is missing; if nothing is, that takes a fraction of a second.
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help setup messages run test lint docs bench same-bits soak chaos fuzz two-hosts clean
+.PHONY: help setup messages run test lint docs bench same-bits same-speed soak chaos fuzz two-hosts clean
 
 # Set these on the command line:
 PYTHON ?=
 TASK ?= qd_walker
 ARGS ?=
 REV ?= HEAD
+OLDER ?=
 WORKERS ?= 3
 
 BENCHES := rollout reset critic pg_variation graph archive scaling paper_scale
@@ -49,6 +50,9 @@ bench: setup ## Run the benchmarks
 
 same-bits: setup ## Compare the results of tiny runs with those of the revision REV (HEAD), bit for bit
 	@$(IN_VENV) exec python bench/same_bits.py $(REV) $(ARGS)
+
+same-speed: setup ## Compare the speed with that of an older clone that is set up, OLDER=FOLDER (about 15 minutes)
+	@$(IN_VENV) exec python bench/same_speed.py $(OLDER) $(ARGS)
 
 soak: setup ## Measure memory over 1,000 generations (about an hour)
 	@$(IN_VENV) exec python bench/soak.py $(ARGS)

@@ -8,29 +8,51 @@ import sys
 import time
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from _run_times import committed
 
+HERE = Path(__file__).resolve().parent
 MODULE_PREFIX = "pga_me_ros.nodes."
 
 
 def start_run(
-    folder: str, values: Mapping[str, object], **variables: str
+    folder: str, values: Mapping[str, object], tree: Path | None = None, **variables: str
 ) -> subprocess.Popen[bytes]:
     """Start the orchestrator; its progress is discarded, its errors go to the terminal.
 
     Args:
         folder: Folder of the run.
         values: Parameters; the task may be one of those in bench/.
+        tree: Clone whose code and environment run; this process's by default.
         variables: Further environment variables of its processes.
     """
-    command = [sys.executable, "-m", f"{MODULE_PREFIX}orchestrator", "--ros-args"]
+    command = ["-m", f"{MODULE_PREFIX}orchestrator", "--ros-args"]
     for name, value in {**values, "run_dir": folder}.items():
         command += ["-p", f"{name}:={value}"]
-    here = str(Path(__file__).resolve().parent)
-    path = os.pathsep.join(filter(None, [here, os.environ.get("PYTHONPATH", "")]))
+    path = os.pathsep.join(filter(None, [str(HERE), os.environ.get("PYTHONPATH", "")]))
     environment = {**os.environ, "PYTHONPATH": path, **variables}
-    return subprocess.Popen(command, stdout=subprocess.DEVNULL, env=environment)
+    if tree:
+        return python_of(tree, *command, stdout=subprocess.DEVNULL)
+    return subprocess.Popen([sys.executable, *command], stdout=subprocess.DEVNULL, env=environment)
+
+
+def python_of(tree: Path, *arguments: str, **options: Any) -> subprocess.Popen[Any]:
+    """Start the Python of a clone that is set up, in an environment of its own.
+
+    This process's environment names another clone: the ROS wheels add their folders to it when Python starts.
+
+    Args:
+        tree: The clone.
+        arguments: Arguments of Python.
+        options: Further arguments of `subprocess.Popen`.
+    """
+    kept = ("HOME", "LANG", "TMPDIR", "ROS_DOMAIN_ID")
+    environment = {name: os.environ[name] for name in kept if name in os.environ}
+    environment["PATH"] = os.defpath
+    environment["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+    command = ["bash", "-c", '. "$0/.venv/setup.bash" && exec python "$@"', str(tree), *arguments]
+    return subprocess.Popen(command, cwd=tree, env=environment, **options)
 
 
 def wait_for_generation(process: subprocess.Popen[bytes], file: Path, generation: int) -> None:
