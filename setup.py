@@ -31,8 +31,8 @@ setup(
     package_data={f"{PACKAGE}.ros": ["*.xml"]},
     # The nodes' dependencies are declared in package.xml and pinned in requirements/run.txt.
     install_requires=["setuptools"],
-    # Dependencies of one format of `export`, and of recordings.
-    extras_require={"onnx": ["onnx"], "record": ["rosbags"]},
+    # Dependencies of one format of `export`, of recordings, and of tasks from Gymnasium.
+    extras_require={"onnx": ["onnx"], "record": ["rosbags"], "mujoco": ["gymnasium[mujoco]"]},
     entry_points={
         "console_scripts": [f"{name} = {PACKAGE}.{module}:main" for name, module in MODULES.items()]
     },

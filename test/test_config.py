@@ -45,7 +45,16 @@ def in_namespaces(*namespaces: str) -> pytest.MarkDecorator:
 
 
 def test_every_built_in_task_has_one() -> None:
-    assert sorted(path.stem for path in CONFIG.glob("*.yaml")) == sorted(BUILT_IN)
+    assert sorted(path.stem for path in CONFIG.glob("qd_*.yaml")) == sorted(BUILT_IN)
+
+
+@pytest.mark.parametrize("path", sorted(CONFIG.glob("mujoco_*.yaml")), ids=lambda path: path.stem)
+def test_mujoco_files_name_environments_that_exist(path: Path) -> None:
+    content = yaml.safe_load(path.read_text())["/**"]["ros__parameters"]
+    settings = Settings(**content)
+    assert settings.given == {"task": content["task"]}
+    robot = path.stem.removeprefix("mujoco_").replace("_", "")
+    assert robot in task_spec(settings.task).name.lower()
 
 
 @in_namespaces("/", "/lab/two")

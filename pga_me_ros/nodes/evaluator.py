@@ -6,7 +6,6 @@ import os
 import threading
 import time
 from dataclasses import dataclass, fields
-from importlib.metadata import version
 
 os.environ.setdefault(
     "OPENBLAS_NUM_THREADS", "1"
@@ -33,7 +32,7 @@ from pga_me_ros.ros.namesakes import leave_to_elders, listening_time
 from pga_me_ros.ros.options import RunOptions
 from pga_me_ros.ros.parameters import declare
 from pga_me_ros.ros.process import run_node
-from pga_me_ros.tasks.registry import make_task
+from pga_me_ros.tasks.registry import make_task, simulation_versions
 from pga_me_ros.tasks.rollout import Episode, rollout
 
 READER_WAIT = 2.0
@@ -72,8 +71,7 @@ class Evaluator(GraphNode):
         )
         self._patience = READER_WAIT
         self.serve(Evaluate, names.EVALUATE, self._evaluate)
-        libraries = ", ".join(f"{name} {version(name)}" for name in ("pybullet", "numpy"))
-        self.start_heartbeat(task=self._task_name, versions=libraries)
+        self.start_heartbeat(task=self._task_name, versions=simulation_versions(self._task_name))
         if is_local() and os.environ.get(PARENT_WATCH) != "1":
             self.get_logger().info(LOCAL_NOTE)
 

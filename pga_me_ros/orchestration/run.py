@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from importlib.metadata import version
 
 from pga_me_msgs.msg import Metrics, NodeStatus
 from pga_me_msgs.srv import GetInfo
@@ -22,6 +21,7 @@ from pga_me_ros.orchestration.watch import Watch
 from pga_me_ros.ros import names, qos
 from pga_me_ros.ros.dds_choices import LOCAL_NOTE, is_local
 from pga_me_ros.ros.options import RunOptions
+from pga_me_ros.tasks.registry import simulation_versions
 from pga_me_ros.tasks.spec import TaskSpec
 
 
@@ -60,7 +60,7 @@ class Run:
             seed=settings.seed,
             layer_sizes=shape.sizes,
             descriptor_dim=spec.descriptor_dim,
-            versions=", ".join(f"{name} {version(name)}" for name in ("pybullet", "numpy")),
+            versions=simulation_versions(settings.task),
         )
         self._pool = EvaluatorPool(control, job, self._waiter.wake)
         self._team = Team(control, directory, self._pool)

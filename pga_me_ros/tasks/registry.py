@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import importlib
+import sys
+from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 from pga_me_ros.errors import TaskError, nearest_name
+from pga_me_ros.tasks.gym.name import PREFIX as GYMNASIUM_PREFIX
+from pga_me_ros.tasks.gym.task import gymnasium_class
 from pga_me_ros.tasks.protocol import Task
 from pga_me_ros.tasks.spec import TaskSpec
 
@@ -21,18 +25,22 @@ def load_task(name: str) -> type[Task]:
     """Return the class of a task, without starting or importing a simulator.
 
     Args:
-        name: A key of `BUILT_IN`, or ``module.path:Class`` for a class on the Python path.
+        name: A key of `BUILT_IN`, ``gymnasium:ID`` (`pga_me_ros.tasks.gym.name`), or ``module.path:Class`` for a class
+            on the Python path.
 
     Raises:
         TaskError: The name is unknown, or its module or class cannot be loaded.
     """
     if not isinstance(name, str):
         raise TaskError(f"a task is named by a string, not {type(name).__name__}")
+    if name.startswith(GYMNASIUM_PREFIX):
+        return gymnasium_class(name)
     path = BUILT_IN.get(name, name)
     if ":" not in path:
         raise TaskError(
             f"unknown task '{name}'{nearest_name(name, BUILT_IN)}; built-in tasks are "
-            f"{', '.join(BUILT_IN)}, any other is given as 'module.path:Class'"
+            f"{', '.join(BUILT_IN)}, any other is given as "
+            "'module.path:Class' or 'gymnasium:ID'"
         )
     task_class = _load_class(name, *path.split(":", 1))
     if not isinstance(getattr(task_class, "spec", None), TaskSpec):
@@ -59,6 +67,27 @@ def make_task(name: str) -> Task:
             f"task '{name}' does not start ({type(error).__name__}: {error}); its class is called "
             "without arguments and must return a task that is ready for reset()"
         ) from error
+
+
+def simulation_versions(name: str) -> str:
+    """Return the versions that a task's results depend on, in words: evaluators of a run must agree on them.
+
+    Starts and imports nothing.
+
+    Args:
+        name: As in `load_task`.
+    """
+    libraries = ["numpy", "pybullet"]
+    if name.startswith(GYMNASIUM_PREFIX):
+        libraries += ["gymnasium", "mujoco"]
+    # From 3.12 on, sum() of floats rounds differently, and a user's task may use it.
+    found = [f"python {sys.version_info.major}.{sys.version_info.minor}"]
+    for library in libraries:
+        try:
+            found.append(f"{library} {version(library)}")
+        except PackageNotFoundError:
+            found.append(f"no {library}")
+    return ", ".join(found)
 
 
 def _load_class(name: str, module_path: str, class_name: str) -> type[Any]:

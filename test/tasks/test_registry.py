@@ -10,7 +10,7 @@ import pytest
 from broken_tasks import Point
 
 from pga_me_ros.errors import TaskError
-from pga_me_ros.tasks.registry import BUILT_IN, load_task, task_spec
+from pga_me_ros.tasks.registry import BUILT_IN, load_task, simulation_versions, task_spec
 
 ROOT = Path(__file__).parents[2]
 
@@ -74,3 +74,12 @@ def test_module_that_fails_to_load_is_named_with_its_error(
     monkeypatch.syspath_prepend(str(tmp_path))
     with pytest.raises(TaskError, match="ZeroDivisionError"):
         load_task("task_with_a_bug:Task")
+
+
+def test_versions_name_what_results_depend_on() -> None:
+    python = f"python {sys.version_info.major}.{sys.version_info.minor}"
+    assert simulation_versions("qd_walker").split(", ")[0] == python
+    assert "pybullet 3.2.7" in simulation_versions("qd_walker")
+    assert "mujoco" not in simulation_versions("qd_walker")
+    assert "mujoco 3.3.7" in simulation_versions("gymnasium:Ant-v5")
+    assert "no " not in simulation_versions("gymnasium:Ant-v5")

@@ -1,0 +1,1 @@
+"""Tasks from Gymnasium: any registered environment with Box observations and actions."""
