@@ -28,7 +28,7 @@ setup(
     license="Apache-2.0",
     python_requires=">=3.11",
     packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
-    package_data={f"{PACKAGE}.ros": ["*.xml"]},
+    package_data={f"{PACKAGE}.ros": ["*.xml"], f"{PACKAGE}.report": ["*.csv"]},
     # The nodes' dependencies are declared in package.xml and pinned in requirements/run.txt.
     install_requires=["setuptools"],
     # Dependencies of one format of `export`, of recordings, and of tasks from Gymnasium.
@@ -39,6 +39,10 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
+        *(
+            (f"share/{PACKAGE}/{folder}", sorted(glob(f"{folder}/*.*")))
+            for folder in ["repertoires", *sorted(glob("repertoires/*/"))]
+        ),
         (f"share/{PACKAGE}/config", sorted(glob("config/*.*"))),
         (f"share/{PACKAGE}/config/experiments", sorted(glob("config/experiments/*"))),
         (f"lib/{PACKAGE}", [f"resource/executables/{name}" for name in EXECUTABLES]),

@@ -190,7 +190,7 @@ def carry_out(
     print(f"\n{part}: {generations} generations\n  # what  node             gen")
     usual = Settings().to_dict()
     parameters = {n: value for n, value in settings.to_dict().items() if value != usual[n]}
-    parameters |= {"evaluators": 2, "serve": False}
+    parameters |= {"evaluators": 2, "serve": False, "reevaluations": 0}
     run = ChaosRun(folder / part, parameters, domain)
     record, began = Record(), time.monotonic()
     rng = np.random.default_rng((settings.seed, list(PARTS).index(part)))

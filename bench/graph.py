@@ -160,6 +160,7 @@ def run_graph(part: Part, seed: int) -> Measured:
             "evaluations": settings.evaluations,
             "evaluators": CORES,
             "serve": "false",
+            "reevaluations": 0,
         }
         process = start_run(folder, values, **{FOLDER: notes})
         try:

@@ -51,6 +51,7 @@ def rate(part: Part, evaluators: int) -> float:
             "evaluators": evaluators,
             "min_evaluators": evaluators,
             "serve": "false",
+            "reevaluations": 0,
         }
         process = start_run(folder, values)
         if process.wait():

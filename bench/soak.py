@@ -120,6 +120,7 @@ def main() -> None:
     arguments = parser.parse_args()
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     values = {"evaluations": arguments.generations * 100, "evaluators": 2, "serve": "false"}
+    values["reevaluations"] = 0
     values |= dict(text.split(":=", 1) for text in arguments.p)
     with tempfile.TemporaryDirectory() as folder:
         process = start_run(folder, values)

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 __all__ = ["StoredBehavior", "StoredRun", "save_run"]
 
 _COLUMNS = ("cell", "evaluation", "generation", "made_by", "steps", "terminated", "fitness")
-_MEANS = ("repeats", "mean_fitness", "fitness_spread")
+_MEANS = ("repeats", "mean_fitness", "fitness_spread", "fall_share")
 
 
 class StoredRun(stored_run.StoredRun):
@@ -70,7 +70,7 @@ class StoredRun(stored_run.StoredRun):
         Raises:
             TaskError: The task of the run cannot be loaded.
         """
-        own = task or make_task(self.settings.task)
+        own = task or make_task(self.settings.task, self.settings.randomization)
         try:
             if seed is not None:
                 return rollout(own, behavior.controller, np.random.default_rng(seed))
@@ -105,7 +105,7 @@ class StoredRun(stored_run.StoredRun):
         """
         from pga_me_ros.render.behavior_gif import GifOptions, draw_gif
 
-        task = make_task(self.settings.task)
+        task = make_task(self.settings.task, self.settings.randomization)
         try:
             options = GifOptions(seconds=seconds, size=size)
             draw_gif(task, self.settings, behavior, Path(path), options)
@@ -137,5 +137,5 @@ def save_run(path: str | Path, search: Search) -> StoredRun:
     info = RunInfo.of_new_run(search.spec, search.settings)
     store_whole_run(file, info, search.archive, search.metrics, search.settings.rates)
     run = StoredRun.load(file)
-    MetricsFile(file.with_name(METRICS_FILE)).rebuild(run.generations)
+    MetricsFile(file.with_name(METRICS_FILE)).rebuild(run.generations, run.reevaluations.measured)
     return run

@@ -86,7 +86,9 @@ MAY_IMPORT = {
     "render": {"core*", "player", "process", "tasks"},
     "report": {"core*", "experiment", "process", "tasks"},
     "export": {"core*", "process", "tasks"},
+    "thin": {"core*", "process"},
     "reevaluate": {"core*", "process", "tasks"},
+    "query": {"client", "core*", "export", "process", "ros"},
     "recording": {"core*", "ros", "tasks"},
     "replay": {"core*", "process", "recording", "ros", "tasks"},
     "experiment": {"core*", "process", "reevaluate", "ros", "tasks"},
@@ -101,6 +103,7 @@ ROS_ROOMS = {
     "nodes",
     "demo",
     "player",
+    "query",
     "recording",
     "replay",
 }

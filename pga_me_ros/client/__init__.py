@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from pga_me_ros.client.behaviors import Behavior, Controller, ListedBehavior, RepertoireInfo
+from pga_me_ros.client.answers import BehaviorNotFoundError
+from pga_me_ros.client.behaviors import Behavior, FoundBehavior, ListedBehavior, RepertoireInfo
+from pga_me_ros.client.controller import Controller
 from pga_me_ros.client.patient_caller import BlockedExecutorError, RepertoireTimeoutError
-from pga_me_ros.client.repertoire_client import BehaviorNotFoundError, RepertoireClient
+from pga_me_ros.client.repertoire_client import RepertoireClient
 
 __all__ = [
     "Behavior",
     "BehaviorNotFoundError",
     "BlockedExecutorError",
     "Controller",
+    "FoundBehavior",
     "ListedBehavior",
     "RepertoireClient",
     "RepertoireInfo",

@@ -1,4 +1,4 @@
-"""Behaviors as a robot's program sees them: values read from the repertoire's messages, and controllers to run."""
+"""Behaviors as a robot's program sees them: values read from the repertoire's messages."""
 
 from __future__ import annotations
 
@@ -7,92 +7,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-from numpy.typing import ArrayLike
 from pga_me_msgs.msg import Behavior as BehaviorMsg
-from pga_me_msgs.msg import Controller as ControllerMsg
 from pga_me_msgs.srv import GetBehavior, GetBehaviors, GetInfo
 
-from pga_me_ros.arrays import Float32Array, Float64Array
-from pga_me_ros.core.networks.controller import MlpController as Network
+from pga_me_ros.arrays import Float64Array
+from pga_me_ros.client.controller import Controller, read_only
 from pga_me_ros.core.networks.mlp import MlpShape
 from pga_me_ros.errors import NetworkError
-
-
-class Controller:
-    """A controller of the repertoire: observation in, action out, NumPy alone.
-
-    It gives, bit for bit, the actions of the evaluation that the behavior's fitness comes from. One thread at a time
-    may call it.
-
-    Attributes:
-        task: Name of the task that it was learned in.
-        layer_sizes: Neurons per layer, from the observation to the action.
-        parameters: (P,) float32, per layer the weights (out, in) row by row, then the biases; read-only.
-        observation_names: What each entry of the observation is.
-        observation_units: Unit of each entry.
-        action_names: What each entry of the action drives.
-        action_units: Unit of each entry.
-        action_low: Least value of each action entry.
-        action_high: Greatest value of each action entry.
-        control_period: Seconds between two actions.
-    """
-
-    def __init__(self, msg: ControllerMsg) -> None:
-        """Use `from_msg`."""
-        shape = _checked_shape(msg)
-        self.task: str = msg.task
-        self.layer_sizes = shape.sizes
-        self.parameters = np.array(msg.parameters, np.float32)
-        self.parameters.flags.writeable = False
-        self.observation_names = tuple(msg.observation_names)
-        self.observation_units = tuple(msg.observation_units)
-        self.action_names = tuple(msg.action_names)
-        self.action_units = tuple(msg.action_units)
-        self.action_low = _read_only(msg.action_low)
-        self.action_high = _read_only(msg.action_high)
-        self.control_period: float = msg.control_period
-        self._network = Network(shape, self.parameters)
-        self._inputs = (shape.sizes[0],)
-
-    @classmethod
-    def from_msg(cls, msg: ControllerMsg) -> Controller:
-        """Make the controller that a message describes.
-
-        Raises:
-            NetworkError: Its layers, activations, parameters or names do not fit each other, or a parameter is not
-                finite.
-        """
-        return cls(msg)
-
-    def __call__(self, observation: ArrayLike) -> Float32Array:
-        """Return the action for an observation.
-
-        Args:
-            observation: (observation_dim,) numbers in the order and units of `observation_names`; rounded to float32.
-
-        Returns:
-            (action_dim,) float32 within ±1, a fresh array.
-
-        Raises:
-            NetworkError: The observation has another shape, or is not finite: no actuator must ever be told NaN.
-        """
-        values = np.asarray(observation, np.float32)
-        if values.shape != self._inputs or not np.isfinite(values).all():
-            raise NetworkError(self._complaint(values))
-        return self._network(values)
-
-    def _complaint(self, values: Float32Array) -> str:
-        if values.shape != self._inputs:
-            return (
-                f"The observation has the shape {values.shape}; this controller takes {self._inputs}: "
-                f"{', '.join(self.observation_names)}."
-            )
-        bad = int(np.flatnonzero(~np.isfinite(values))[0])
-        return (
-            f"Entry {bad} of the observation ({self.observation_names[bad]}) is {values[bad]}; "
-            "give finite numbers, and stop the robot when a sensor fails."
-        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,6 +35,8 @@ class ListedBehavior:
         fitness_spread: Sample standard deviation of their fitness, NaN for fewer than two.
         mean_descriptor: (d,) float64 mean of their descriptors, read-only; empty for none.
         descriptor_spread: (d,) float64 sample standard deviation of each entry; empty for fewer than two.
+        fall_share: Share of them that ended in a fall, NaN for none.
+        by_mean: Whether it was judged by these means when it was chosen, rather than by its one evaluation.
     """
 
     cell: int
@@ -130,6 +53,18 @@ class ListedBehavior:
     fitness_spread: float
     mean_descriptor: Float64Array
     descriptor_spread: Float64Array
+    fall_share: float
+    by_mean: bool
+
+    @property
+    def promised_fitness(self) -> float:
+        """The fitness that it was chosen by: the mean of its re-evaluations, or that of its one evaluation."""
+        return self.mean_fitness if self.by_mean else self.fitness
+
+    @property
+    def promised_descriptor(self) -> Float64Array:
+        """(d,) float64 the descriptor that it was chosen by, as `promised_fitness`."""
+        return self.mean_descriptor if self.by_mean else self.descriptor
 
     @classmethod
     def from_msg(cls, msg: BehaviorMsg) -> ListedBehavior:
@@ -138,16 +73,45 @@ class ListedBehavior:
 
 
 @dataclass(frozen=True, eq=False)
-class Behavior(ListedBehavior):
-    """A behavior with all that it takes to run it.
+class FoundBehavior(ListedBehavior):
+    """A behavior that was asked for, without its controller.
 
     Attributes:
-        distance: Euclidean distance from its (mean) descriptor to the wanted one, each dimension in shares of its
+        distance: Euclidean distance from its promised descriptor to the wanted one, each dimension in shares of its
             range; 0 where none was wanted.
-        controller: Its controller.
     """
 
     distance: float
+
+    @classmethod
+    def found(cls, response: GetBehavior.Response) -> FoundBehavior:
+        """Return the behavior of an answer that found one."""
+        return FoundBehavior(**_fields(response.behavior), distance=response.distance)
+
+    @classmethod
+    def all_found(cls, response: GetBehaviors.Response) -> tuple[FoundBehavior, ...]:
+        """Return the behaviors of an answer.
+
+        Raises:
+            NetworkError: There is not one distance per behavior.
+        """
+        if len(response.distances) != len(response.behaviors):
+            raise NetworkError(
+                f"The answer has {len(response.distances)} distances for {len(response.behaviors)} behaviors; the "
+                "message is malformed."
+            )
+        pairs = zip(response.behaviors, response.distances, strict=True)
+        return tuple(FoundBehavior(**_fields(msg), distance=distance) for msg, distance in pairs)
+
+
+@dataclass(frozen=True, eq=False)
+class Behavior(FoundBehavior):
+    """A behavior with all that it takes to run it.
+
+    Attributes:
+        controller: Its controller.
+    """
+
     controller: Controller
 
     @classmethod
@@ -209,6 +173,11 @@ class RepertoireInfo:
         qd_score: Sum of the elites' fitness.
         max_fitness: Fitness of the best elite, NaN while there is none.
         mean_fitness: Mean fitness of the elites, NaN while there are none.
+        corrected_repeats: Re-evaluations of the elite that has the fewest; 0 unless all were re-evaluated.
+        corrected_coverage: Filled cells of the corrected archive (`Metrics.msg`), 0 while it is not known.
+        corrected_qd_score: Sum of the mean fitness of its elites, NaN while it is not known.
+        corrected_max_fitness: Greatest mean fitness, NaN while it is not known.
+        corrected_fall_share: Share of re-evaluations that ended in a fall, NaN while it is not known.
     """
 
     run_id: str
@@ -227,6 +196,11 @@ class RepertoireInfo:
     qd_score: float
     max_fitness: float
     mean_fitness: float
+    corrected_repeats: int
+    corrected_coverage: int
+    corrected_qd_score: float
+    corrected_max_fitness: float
+    corrected_fall_share: float
 
     @classmethod
     def from_response(cls, response: GetInfo.Response) -> RepertoireInfo:
@@ -237,8 +211,8 @@ class RepertoireInfo:
             task=response.task,
             archive=response.archive,
             descriptor_names=tuple(response.descriptor_names),
-            descriptor_low=_read_only(response.descriptor_low),
-            descriptor_high=_read_only(response.descriptor_high),
+            descriptor_low=read_only(response.descriptor_low),
+            descriptor_high=read_only(response.descriptor_high),
             settings=json.loads(response.settings),
             versions=json.loads(response.versions),
             growing=response.growing,
@@ -249,13 +223,18 @@ class RepertoireInfo:
             qd_score=metrics.qd_score,
             max_fitness=metrics.max_fitness,
             mean_fitness=metrics.mean_fitness,
+            corrected_repeats=metrics.corrected_repeats,
+            corrected_coverage=metrics.corrected_coverage,
+            corrected_qd_score=metrics.corrected_qd_score,
+            corrected_max_fitness=metrics.corrected_max_fitness,
+            corrected_fall_share=metrics.corrected_fall_share,
         )
 
 
 def _fields(msg: BehaviorMsg) -> dict[str, Any]:
     return {
         "cell": msg.cell,
-        "descriptor": _read_only(msg.descriptor),
+        "descriptor": read_only(msg.descriptor),
         "fitness": msg.fitness,
         "evaluation": msg.evaluation,
         "generation": msg.generation,
@@ -266,36 +245,8 @@ def _fields(msg: BehaviorMsg) -> dict[str, Any]:
         "repeats": msg.repeats,
         "mean_fitness": msg.mean_fitness,
         "fitness_spread": msg.fitness_spread,
-        "mean_descriptor": _read_only(msg.mean_descriptor),
-        "descriptor_spread": _read_only(msg.descriptor_spread),
+        "mean_descriptor": read_only(msg.mean_descriptor),
+        "descriptor_spread": read_only(msg.descriptor_spread),
+        "fall_share": msg.fall_share,
+        "by_mean": msg.by_mean,
     }
-
-
-def _read_only(numbers: Any) -> Float64Array:
-    values = np.array(numbers, np.float64)
-    values.flags.writeable = False
-    return values
-
-
-def _checked_shape(msg: ControllerMsg) -> MlpShape:
-    """Return the layers of a controller's message.
-
-    Raises:
-        NetworkError: Its fields do not fit each other. The number and values of its parameters are not looked at.
-    """
-    shape = MlpShape(tuple(msg.layer_sizes))
-    expected = ["relu"] * (len(shape.sizes) - 2) + ["tanh"]
-    if list(msg.activations) != expected:
-        raise NetworkError(
-            f"The controller's activations are {list(msg.activations)}, but layers {list(shape.sizes)} of this "
-            f"version take {expected}; use the pga_me_ros that serves the repertoire."
-        )
-    widths = {"observation_names": 0, "observation_units": 0}
-    widths |= {"action_names": -1, "action_units": -1, "action_low": -1, "action_high": -1}
-    for name, layer in widths.items():
-        if len(getattr(msg, name)) != shape.sizes[layer]:
-            raise NetworkError(
-                f"The controller has {len(getattr(msg, name))} {name}, but its layers {list(shape.sizes)} need "
-                f"{shape.sizes[layer]}; the message is malformed."
-            )
-    return shape

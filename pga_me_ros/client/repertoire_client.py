@@ -9,7 +9,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 from pga_me_msgs.srv import GetBehavior, GetBehaviors, GetInfo, ListBehaviors
@@ -17,13 +18,19 @@ from rclpy.client import Client
 from rclpy.node import Node
 from rclpy.task import Future
 
-from pga_me_ros.client.behaviors import Behavior, ListedBehavior, RepertoireInfo
+from pga_me_ros.client.answers import read_behavior, read_behaviors, read_list
+from pga_me_ros.client.behaviors import (
+    Behavior,
+    FoundBehavior,
+    ListedBehavior,
+    RepertoireInfo,
+)
 from pga_me_ros.client.patient_caller import (
     PatientCaller,
     PendingCall,
 )
-from pga_me_ros.client.requests import behavior_request, behaviors_request, limit_fitness
-from pga_me_ros.errors import PgaError, RequestError
+from pga_me_ros.client.requests import behavior_request, behaviors_request, limit
+from pga_me_ros.errors import RequestError
 from pga_me_ros.ros import names, qos
 
 TIMEOUT = 10.0
@@ -31,10 +38,6 @@ TIMEOUT = 10.0
 
 PAGE = 500
 """Behaviors per answer while listing."""
-
-
-class BehaviorNotFoundError(PgaError):
-    """No behavior fits, or the request does not fit the repertoire; the message says why."""
 
 
 class RepertoireClient:
@@ -85,10 +88,15 @@ class RepertoireClient:
         random: bool = False,
         max_distance: float | None = None,
         min_fitness: float | None = None,
+        max_fall_share: float | None = None,
         by_mean: bool = False,
+        single: bool = False,
         timeout: float | None = None,
     ) -> Future:
         """Ask for a behavior, chosen in one of four ways.
+
+        Behaviors are judged by the means of their re-evaluations where they have any, else by their single evaluation;
+        `Behavior.by_mean` says which of the two it was.
 
         Args:
             descriptor: d numbers; the behavior with the nearest descriptor.
@@ -98,7 +106,10 @@ class RepertoireClient:
             max_distance: Greatest Euclidean distance to the wanted descriptor, each dimension in shares of its range
                 (high - low); None for any.
             min_fitness: Least fitness, None for any.
-            by_mean: Whether fitness and descriptor are to be the means of re-evaluations; others are left out.
+            max_fall_share: Greatest share of its re-evaluations that ended in a fall, 0 to 1; None for any. Those
+                without re-evaluations do not meet it.
+            by_mean: Whether those without re-evaluations are left out.
+            single: Whether all are judged by their single evaluation.
             timeout: Seconds after which the call fails, None for the client's own.
 
         Returns:
@@ -114,10 +125,49 @@ class RepertoireClient:
             random=random,
             max_distance=max_distance,
             min_fitness=min_fitness,
+            max_fall_share=max_fall_share,
             by_mean=by_mean,
+            single=single,
             timeout=timeout,
         )
         return call.future
+
+    def find_behavior(self, **wanted: Any) -> FoundBehavior:
+        """Return a behavior without its controller: a small answer, as for a table.
+
+        Args:
+            wanted: As in `get_behavior_async`.
+
+        Raises:
+            BehaviorNotFoundError: As in `get_behavior`.
+            RepertoireTimeoutError: As in `get_behavior`.
+            BlockedExecutorError: As in `get_behavior`.
+            RequestError: As in `get_behavior`.
+        """
+        found: FoundBehavior = self._caller.result(
+            self._ask_behavior(**wanted, with_controller=False)
+        )
+        return found
+
+    def find_behaviors(
+        self, descriptor: Sequence[float], count: int, **limits: Any
+    ) -> tuple[FoundBehavior, ...]:
+        """Return the behaviors with the nearest descriptors, nearest first, without their controllers.
+
+        Args:
+            descriptor: d numbers.
+            count: Most behaviors to return, 1 to 1000.
+            limits: As in `get_behaviors`.
+
+        Raises:
+            RequestError: As in `get_behaviors`.
+            RepertoireTimeoutError: As in `get_behavior`.
+            BlockedExecutorError: As in `get_behavior`.
+        """
+        found: tuple[FoundBehavior, ...] = self._caller.result(
+            self._ask_behaviors(descriptor, count, **limits, with_controllers=False)
+        )
+        return found
 
     def get_behaviors(
         self, descriptor: Sequence[float], count: int, **limits: Any
@@ -127,7 +177,7 @@ class RepertoireClient:
         Args:
             descriptor: d numbers.
             count: Most behaviors to return, 1 to 1000.
-            limits: max_distance, min_fitness, by_mean and timeout as in `get_behavior_async`.
+            limits: max_distance, min_fitness, max_fall_share, by_mean, single and timeout as in `get_behavior_async`.
 
         Raises:
             RequestError: The arguments make no sense, to this side or the repertoire's.
@@ -145,12 +195,7 @@ class RepertoireClient:
         return self._ask_behaviors(descriptor, count, **limits).future
 
     def list_behaviors(
-        self,
-        *,
-        min_fitness: float | None = None,
-        by_mean: bool = False,
-        page: int = PAGE,
-        timeout: float | None = None,
+        self, *, page: int = PAGE, timeout: float | None = None, **limits: Any
     ) -> Iterator[ListedBehavior]:
         """Yield all behaviors without their controllers, fittest first.
 
@@ -158,10 +203,9 @@ class RepertoireClient:
         yielded once at most.
 
         Args:
-            min_fitness: Least fitness, None for any.
-            by_mean: Whether fitness is to be the mean of re-evaluations; those without are left out.
             page: Behaviors per answer, 1 to 10,000.
             timeout: Seconds after which an answer is missed, None for the client's own.
+            limits: min_fitness, max_fall_share, by_mean and single as in `get_behavior_async`.
 
         Raises:
             RequestError: The service did not accept the arguments.
@@ -171,7 +215,7 @@ class RepertoireClient:
         seen: set[int] = set()
         offset = 0
         while True:
-            call = self._ask_list(offset, page, min_fitness, by_mean, timeout)
+            call = self._ask_list(offset, page, timeout, limits)
             total, behaviors = self._caller.result(call)
             for behavior in behaviors:
                 if behavior.cell not in seen:
@@ -182,27 +226,20 @@ class RepertoireClient:
                 return
 
     def list_behaviors_async(
-        self,
-        offset: int = 0,
-        limit: int = PAGE,
-        *,
-        min_fitness: float | None = None,
-        by_mean: bool = False,
-        timeout: float | None = None,
+        self, offset: int = 0, limit: int = PAGE, *, timeout: float | None = None, **limits: Any
     ) -> Future:
         """Ask for one page of behaviors, fittest first.
 
         Args:
             offset: Behaviors to pass over.
             limit: Most behaviors to return, 1 to 10,000.
-            min_fitness: Least fitness, None for any.
-            by_mean: As in `list_behaviors`.
             timeout: Seconds after which the call fails, None for the client's own.
+            limits: As in `list_behaviors`.
 
         Returns:
             Future of the number of behaviors that fit, and the page as a tuple of `ListedBehavior`.
         """
-        return self._ask_list(offset, limit, min_fitness, by_mean, timeout).future
+        return self._ask_list(offset, limit, timeout, limits).future
 
     def get_info(self, *, timeout: float | None = None) -> RepertoireInfo:
         """Return what the repertoire is and how far it has come.
@@ -229,9 +266,12 @@ class RepertoireClient:
             srv_type, full, qos_profile=qos.CLIENT, callback_group=self._caller.group
         )
 
-    def _ask_behavior(self, *, timeout: float | None = None, **wanted: Any) -> PendingCall:
-        request = behavior_request(**wanted)
-        return self._start(self._behavior, request, _read_behavior, timeout)
+    def _ask_behavior(
+        self, *, timeout: float | None = None, with_controller: bool = True, **wanted: Any
+    ) -> PendingCall:
+        request = behavior_request(**wanted, with_controller=with_controller)
+        read = partial(read_behavior, with_controller=with_controller)
+        return self._start(self._behavior, request, read, timeout)
 
     def _ask_behaviors(
         self,
@@ -239,22 +279,19 @@ class RepertoireClient:
         count: int,
         *,
         timeout: float | None = None,
+        with_controllers: bool = True,
         **limits: Any,
     ) -> PendingCall:
-        request = behaviors_request(descriptor, count, **limits)
-        return self._start(self._behaviors, request, _read_behaviors, timeout)
+        request = behaviors_request(descriptor, count, **limits, with_controllers=with_controllers)
+        read = partial(read_behaviors, with_controllers=with_controllers)
+        return self._start(self._behaviors, request, read, timeout)
 
     def _ask_list(
-        self,
-        offset: int,
-        limit: int,
-        min_fitness: float | None,
-        by_mean: bool,
-        timeout: float | None,
+        self, offset: int, most: int, timeout: float | None, limits: Mapping[str, Any]
     ) -> PendingCall:
-        request = ListBehaviors.Request(offset=int(offset), limit=int(limit), by_mean=bool(by_mean))
-        limit_fitness(request, min_fitness)
-        return self._start(self._list, request, _read_list, timeout)
+        request = ListBehaviors.Request(offset=int(offset), limit=int(most))
+        limit(request, **limits)
+        return self._start(self._list, request, read_list, timeout)
 
     def _ask_info(self, timeout: float | None) -> PendingCall:
         return self._start(self._info, GetInfo.Request(), RepertoireInfo.from_response, timeout)
@@ -270,21 +307,3 @@ class RepertoireClient:
 def _check_timeout(seconds: float) -> None:
     if not seconds > 0.0:
         raise RequestError(f"timeout is {seconds}; give seconds above 0.")
-
-
-def _read_behavior(response: GetBehavior.Response) -> Behavior:
-    if not response.found:
-        raise BehaviorNotFoundError(response.message)
-    return Behavior.from_response(response)
-
-
-def _read_behaviors(response: GetBehaviors.Response) -> tuple[Behavior, ...]:
-    if not response.ok:
-        raise RequestError(response.message)
-    return Behavior.all_from_response(response)
-
-
-def _read_list(response: ListBehaviors.Response) -> tuple[int, tuple[ListedBehavior, ...]]:
-    if not response.ok:
-        raise RequestError(response.message)
-    return response.total, tuple(ListedBehavior.from_msg(msg) for msg in response.behaviors)

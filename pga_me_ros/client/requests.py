@@ -11,6 +11,9 @@ from pga_me_msgs.srv import GetBehavior, GetBehaviors, ListBehaviors
 
 from pga_me_ros.errors import RequestError
 
+LEAST_FITNESS = -9.9e307
+"""Least value of min_fitness that is sent; the field's default, -1e308, stands for no limit."""
+
 
 def behavior_request(
     *,
@@ -19,8 +22,8 @@ def behavior_request(
     best: bool = False,
     random: bool = False,
     max_distance: float | None = None,
-    min_fitness: float | None = None,
-    by_mean: bool = False,
+    with_controller: bool = True,
+    **limits: Any,
 ) -> GetBehavior.Request:
     """Return the request for a behavior; arguments as in `RepertoireClient.get_behavior_async`.
 
@@ -36,13 +39,13 @@ def behavior_request(
             f"given: {', '.join(chosen) or 'none'}."
         )
     request = GetBehavior.Request(select=getattr(GetBehavior.Request, chosen[0].upper()))
-    request.by_mean = bool(by_mean)
+    request.with_controller = bool(with_controller)
     if descriptor is not None:
         request.descriptor = _numbers("descriptor", descriptor)
     if cell is not None:
         request.cell = int(cell)
     _limit_distance(request, descriptor is not None, max_distance)
-    limit_fitness(request, min_fitness)
+    limit(request, **limits)
     return request
 
 
@@ -51,33 +54,44 @@ def behaviors_request(
     count: int,
     *,
     max_distance: float | None = None,
-    min_fitness: float | None = None,
-    by_mean: bool = False,
+    with_controllers: bool = True,
+    **limits: Any,
 ) -> GetBehaviors.Request:
     """Return the request for the nearest behaviors; arguments as in `RepertoireClient.get_behaviors`.
 
     Raises:
         RequestError: A number is none.
     """
-    request = GetBehaviors.Request(count=int(count), by_mean=bool(by_mean), with_controllers=True)
+    request = GetBehaviors.Request(count=int(count), with_controllers=bool(with_controllers))
     request.descriptor = _numbers("descriptor", descriptor)
     _limit_distance(request, True, max_distance)
-    limit_fitness(request, min_fitness)
+    limit(request, **limits)
     return request
 
 
-def limit_fitness(
+def limit(
     request: GetBehavior.Request | GetBehaviors.Request | ListBehaviors.Request,
-    min_fitness: float | None,
+    *,
+    min_fitness: float | None = None,
+    max_fall_share: float | None = None,
+    by_mean: bool = False,
+    single: bool = False,
 ) -> None:
-    """Enter a least fitness into a request, None for any.
+    """Enter into a request what behaviors are judged by, and limits, as in `RepertoireClient.get_behavior_async`.
 
     Raises:
-        RequestError: The value is not a number.
+        RequestError: A value is not a number, or two arguments contradict each other.
     """
+    if by_mean and single:
+        raise RequestError("by_mean and single contradict each other; give one of them, or none.")
+    request.by_mean, request.single = bool(by_mean), bool(single)
     if min_fitness is not None:
-        request.require_fitness = True
-        request.min_fitness = _number("min_fitness", min_fitness)
+        # Far below any fitness, so that a limit is never mistaken for the field's default, which is none.
+        request.min_fitness = max(_number("min_fitness", min_fitness), LEAST_FITNESS)
+    if max_fall_share is not None:
+        request.max_fall_share = _number("max_fall_share", max_fall_share)
+        if not 0.0 <= request.max_fall_share <= 1.0:
+            raise RequestError(f"max_fall_share is {max_fall_share}; give a share from 0 to 1.")
 
 
 def _limit_distance(

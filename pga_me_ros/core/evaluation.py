@@ -57,6 +57,14 @@ def evaluation_ids(settings: Settings, generation: int) -> range:
     return range(generation * settings.batch_size, (generation + 1) * settings.batch_size)
 
 
+def reevaluation_rng(seed: int, repeat: int) -> np.random.Generator:
+    """Return the generator of the initial pose of a re-evaluation.
+
+    All controllers begin a repeat in the same pose, so that what differs between them is their own doing.
+    """
+    return generator(seed, Purpose.REEVALUATION, 0, repeat)
+
+
 def evaluation_rng(seed: int, evaluation: int) -> np.random.Generator:
     """Return the generator of one evaluation's initial pose; ids are unique, so it needs no generation."""
     return generator(seed, Purpose.EVALUATION, 0, evaluation)

@@ -18,6 +18,7 @@ class Operator(IntEnum):
     ES_SAMPLE = 5
     QUALITY = 6
     DIVERSITY = 7
+    EXTRACTED = 8
 
     @property
     def label(self) -> str:
@@ -51,6 +52,7 @@ OPERATORS: Mapping[Operator, OperatorRow] = {
     Operator.ES_SAMPLE: OperatorRow("ES sample", learned=True, learned_from=1),
     Operator.QUALITY: OperatorRow("quality", parents=1, learned=True),
     Operator.DIVERSITY: OperatorRow("diversity", parents=1, learned=True),
+    Operator.EXTRACTED: OperatorRow("evaluated again"),
 }
 """All operators. `core.variation.make_offspring` makes their offspring."""
 

@@ -28,6 +28,7 @@ class Purpose(IntEnum):
     ES_SELECTION = 12
     QDRL_SELECTION = 13
     DIVERSITY_TRAINING = 14
+    EXTRACTION = 15
 
 
 def generator(

@@ -15,6 +15,7 @@ from pga_me_ros.arrays import Float32Array, Int64Array
 from pga_me_ros.core.algorithms import Slots, algorithm_of
 from pga_me_ros.core.algorithms.learners import make_learner
 from pga_me_ros.core.archive.archive import Archive
+from pga_me_ros.core.archive.depth import CellDepth
 from pga_me_ros.core.archive.elites import NO_PARENT
 from pga_me_ros.core.archive.make_archive import make_archive
 from pga_me_ros.core.archive.metrics import Metrics, generation_metrics
@@ -28,7 +29,7 @@ from pga_me_ros.core.settings import Settings
 from pga_me_ros.core.snapshot import GREEDY, Snapshot
 from pga_me_ros.core.variation.imported_controllers import Controllers, starting_with
 from pga_me_ros.core.variation.make_offspring import OffspringRequest, make_offspring
-from pga_me_ros.errors import RequestError
+from pga_me_ros.errors import RequestError, SettingsError
 from pga_me_ros.tasks.protocol import Task
 from pga_me_ros.tasks.rollout import Episode, rollout
 from pga_me_ros.tasks.spec import TaskSpec
@@ -46,6 +47,7 @@ class Search:
     Attributes:
         settings: Settings with the rates in force; may be replaced between generations to change rates.
         archive: The archive so far.
+        depth: What its cells hold below their elites; None where nothing is evaluated again (`extract_share`).
         learner: Critics, greedy controller and replay buffer.
         metrics: Metrics after each generation.
     """
@@ -59,6 +61,7 @@ class Search:
         self.settings = settings
         self.shape = controller_shape(spec, settings)
         self.archive: Archive = make_archive(spec, settings)
+        self.depth = CellDepth(self.archive, settings.cell_depth) if settings.extracted else None
         self.learner = make_learner(spec, settings)
         self.metrics: list[Metrics] = []
         self._imported = None if imported is None else np.array(imported, np.float32)
@@ -71,9 +74,20 @@ class Search:
         return len(self.metrics)
 
     def run_generation(self, task: Task) -> Metrics:
-        """Ask, evaluate in this process, and tell."""
-        batch = self.ask()
+        """Ask, evaluate in this process, and tell.
+
+        Raises:
+            SettingsError: The task is not randomized as the settings say; make it by
+                ``make_task(settings.task, settings.randomization)``.
+        """
         s = self.settings
+        randomized = getattr(task, "randomization", "")
+        if randomized != s.randomization:
+            raise SettingsError(
+                f"randomization is '{s.randomization}', but the task was made with '{randomized}'; make it by "
+                "make_task(settings.task, settings.randomization)."
+            )
+        batch = self.ask()
         episodes = [
             rollout(
                 task, as_evaluated(s, MlpController(self.shape, p), k), evaluation_rng(s.seed, k)
@@ -123,7 +137,8 @@ class Search:
         solutions = batch.solutions(episodes)
         self.learner.add(batch.generation, episodes)
         offered = algorithm_of(self.settings).offered(solutions.operators)
-        added = self.archive.add(solutions, offered)
+        deep = self.depth
+        added = deep.add(solutions, offered).added if deep else self.archive.add(solutions, offered)
         before = self.metrics[-1] if self.metrics else None
         self.metrics.append(
             generation_metrics(self.archive, solutions, added, batch.generation, before)
@@ -151,6 +166,10 @@ class Search:
         if slots.operator == Operator.IMPORTED:
             assert self._imported is not None
             return parents, self._imported[plan.evaluations[first : first + n]]
+        if slots.operator == Operator.EXTRACTED:
+            assert self.depth is not None
+            parents[:, 0] = self.depth.draw(s.seed, t, n)
+            return parents, self.depth.parameters(parents[:, 0])
         if slots.operator == Operator.GREEDY:
             assert self._snapshot is not None
             return parents, self._snapshot.parameters(GREEDY)[None]

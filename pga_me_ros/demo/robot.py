@@ -20,7 +20,7 @@ from pga_me_ros.core.settings import Settings
 from pga_me_ros.ros.environment import prepare_environment
 from pga_me_ros.ros.process import report
 from pga_me_ros.tasks.protocol import Task
-from pga_me_ros.tasks.registry import load_task
+from pga_me_ros.tasks.registry import make_task
 from pga_me_ros.tasks.rollout import Episode, rollout
 
 OTHER_STARTS = 5
@@ -52,6 +52,13 @@ def show(behavior: Behavior, info: RepertoireInfo, task: Task) -> bool:
         _row("achieved, same start", again.fitness, again.descriptor)
         + ("   equal" if equal else "   DIFFERENT")
     )
+    if behavior.by_mean:
+        average = _row(
+            f"mean of {behavior.repeats} re-evaluations",
+            behavior.mean_fitness,
+            behavior.mean_descriptor,
+        )
+        print(f"{average}   {100.0 * behavior.fall_share:.0f} % fall")
     fitness, descriptor = _median(others)
     print(_row(f"achieved, {OTHER_STARTS} other starts", fitness, descriptor) + "   median")
     return equal
@@ -64,7 +71,7 @@ def ask_and_run(client: RepertoireClient) -> int:
         Exit code: 1 if a behavior did not achieve what was promised.
     """
     info = client.get_info()
-    task = load_task(info.settings["task"])()
+    task = make_task(info.settings["task"], info.settings.get("randomization", ""))
     try:
         print(
             f"robot (process {os.getpid()}): the repertoire holds {info.coverage} behaviors of {info.task}, "

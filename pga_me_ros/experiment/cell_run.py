@@ -140,6 +140,7 @@ class CellRun:
         parameters = self.folder.with_suffix(".yaml")
         values = {k: list(v) if isinstance(v, tuple) else v for k, v in self.cell.given.items()}
         values |= {"run_dir": str(self.folder), "evaluators": self._evaluators, "serve": False}
+        values["reevaluations"] = self.cell.reevaluations
         parameters.write_text(yaml.safe_dump({"/**": {"ros__parameters": values}}))
         arguments = ["-r", f"__ns:={self._namespace}", "--params-file", str(parameters)]
         return python_module("pga_me_ros.nodes.orchestrator", "--ros-args", *arguments)

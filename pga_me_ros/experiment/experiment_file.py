@@ -12,8 +12,9 @@ from pga_me_ros.core.settings.rules import RULES
 from pga_me_ros.errors import PgaError, SettingsError, nearest_name
 from pga_me_ros.experiment.plan import Experiment, System
 
-KEYS = ("systems", "tasks", "seeds", "budget", "settings", "reference")
+KEYS = ("systems", "tasks", "seeds", "budget", "settings", "reference", "reevaluations")
 LAYOUT = "expected the keys systems, tasks, seeds and budget; docs/experiment.md has an example"
+MOST_REEVALUATIONS = 10_000
 OF_THE_MATRIX = {"task": "tasks", "seed": "seeds", "evaluations": "budget"}
 """Settings that the matrix decides, with the key that does."""
 
@@ -97,9 +98,26 @@ def _experiment(content: Any) -> Experiment:
             f"reference is {reference!r}{nearest_name(str(reference), names)}; give the system with which the others "
             f"are compared: {', '.join(names)}."
         )
-    experiment = Experiment(systems, tuple(tasks), tuple(seeds), budget, settings, reference)
+    experiment = Experiment(
+        systems,
+        tuple(tasks),
+        tuple(seeds),
+        budget,
+        settings,
+        reference,
+        _reevaluations(content.get("reevaluations", 0)),
+    )
     experiment.check()
     return experiment
+
+
+def _reevaluations(given: Any) -> int:
+    if type(given) is not int or not 0 <= given <= MOST_REEVALUATIONS:
+        raise SettingsError(
+            f"reevaluations is {given!r}; give how often each elite of a finished run is evaluated again, 0 to "
+            f"{MOST_REEVALUATIONS:,}."
+        )
+    return given
 
 
 def _systems(given: Any) -> tuple[System, ...]:

@@ -12,7 +12,7 @@ from typing import Any
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.core.settings.rules import useless
 from pga_me_ros.errors import RequestError, SettingsError, nearest_name
-from pga_me_ros.tasks.registry import task_spec
+from pga_me_ros.tasks.registry import randomization_option, task_spec
 
 COPY = "experiment.yaml"
 """Copy of the experiment file in the experiment's folder, for the report."""
@@ -43,7 +43,8 @@ class Cell:
         system: Name of the system.
         task: Name of the task as a setting.
         seed: Seed.
-        given: The settings that the experiment gives, by name; all others have their defaults.
+        given: The settings that the experiment gives it, by name; all others have their defaults.
+        reevaluations: Evaluations of each elite from other initial poses once the budget is reached.
     """
 
     index: int
@@ -51,6 +52,7 @@ class Cell:
     task: str
     seed: int
     given: Mapping[str, Any] = field(compare=False)
+    reevaluations: int = 0
 
     @property
     def name(self) -> str:
@@ -93,6 +95,7 @@ class Experiment:
         budget: Number of evaluations of each run.
         settings: Settings that all runs share.
         reference: Name of the system with which the others are compared.
+        reevaluations: Evaluations of each elite of a finished run from other initial poses, for the corrected measures.
     """
 
     systems: tuple[System, ...]
@@ -101,6 +104,7 @@ class Experiment:
     budget: int
     settings: Mapping[str, Any]
     reference: str
+    reevaluations: int = 0
 
     @property
     def cells(self) -> list[Cell]:
@@ -112,7 +116,9 @@ class Experiment:
             for system in self.systems
         ]
         return [
-            Cell(index, system.name, task, seed, self._given(system, task, seed))
+            Cell(
+                index, system.name, task, seed, self._given(system, task, seed), self.reevaluations
+            )
             for index, (system, task, seed) in enumerate(places)
         ]
 
@@ -192,6 +198,7 @@ class Experiment:
                     f"the budget of {self.budget} evaluations is used up by the {settings.random_init} random "
                     f"controllers that system '{cell.system}' starts with (random_init, G); give a larger budget."
                 )
+            randomization_option(cell.task, settings.randomization)
             if settings in same:
                 raise SettingsError(
                     f"the systems '{same[settings]}' and '{cell.system}' have the same settings; remove one, or give "

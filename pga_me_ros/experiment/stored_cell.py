@@ -26,9 +26,9 @@ class StoredCell:
     """Progress of a run.
 
     Attributes:
-        evaluations: Number of committed evaluations.
-        grown: Whether the budget is reached.
-        reevaluated: Whether the best controller of every generation was re-evaluated.
+        evaluations: Evaluations that are committed.
+        grown: Whether the budget is reached, and the elites were evaluated again as often as the experiment asks for.
+        reevaluated: Whether the best controller of every generation was evaluated again.
     """
 
     evaluations: int
@@ -56,8 +56,9 @@ def read_cell(cell: Cell, folder: Path) -> StoredCell:
         return StoredCell(0, False, False)
     run = StoredRun.load(file, elites=False)
     generations, settings = len(run.generations), cell.settings
-    run.archive  # noqa: B018 - read now to find damage
-    grown = generations >= settings.generations
+    elites = run.archive.evaluations[run.archive.filled_cells()]  # read so that damage is found now
+    missing = run.reevaluations.missing(elites, cell.reevaluations)
+    grown = generations >= settings.generations and not missing
     ids = np.array([best.evaluation for best in run.bests()], np.int64)
     # If a run's best controllers are unknown, there is nothing to re-evaluate.
     reevaluated = grown and not run.reevaluations.missing(ids, REPEATS)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from pga_me_ros.core.archive.elites import Elite
 from pga_me_ros.core.storage.files import save_bytes
-from pga_me_ros.errors import StorageError
+from pga_me_ros.errors import RequestError, StorageError
 from pga_me_ros.export.arrays import write_npz, write_pyribs
 from pga_me_ros.export.source import Source
 from pga_me_ros.export.table import write_csv
@@ -44,10 +44,18 @@ def export(options: argparse.Namespace) -> Path:
     Raises:
         PgaError: The run cannot be read, has no such elite, or the export cannot be written.
     """
+    if options.single and not options.best:
+        raise RequestError("--single says how the fittest is chosen; give it together with --best.")
     make = _model_maker(options.to) if options.to in MODELS else None
     source = Source.load(
-        options.run, cell=options.cell, best=options.best, evaluation=options.evaluation
+        options.run,
+        cell=options.cell,
+        best=options.best,
+        evaluation=options.evaluation,
+        single=options.single,
     )
+    if options.best:
+        print(f"note: {_judged(source, single=options.single)}", file=sys.stderr)
     if source.run.archive.note:
         print(f"note: {source.run.archive.note}", file=sys.stderr)
     out = options.out or Path(_default_name(source, options.to))
@@ -65,6 +73,19 @@ def export(options: argparse.Namespace) -> Path:
     for elite in source.elites():
         save_bytes(out / f"cell-{elite.cell:0{width}d}{MODELS[options.to]}", make(source, elite))
     return out
+
+
+def _judged(source: Source, *, single: bool) -> str:
+    """Return by what the fittest elite was chosen."""
+    (cell,), known = source.cells, source.run.statistics
+    fitness, repeats = source.run.archive.fitness[cell], known.repeats[cell]
+    if single or not repeats:
+        return f"the behavior of cell {cell} has fitness {fitness:.1f} in its single evaluation"
+    return (
+        f"the behavior of cell {cell} has the fitness {known.mean_fitness[cell]:.1f} on average of {repeats} "
+        f"re-evaluations, {100.0 * known.fall_share[cell]:.0f} % of them falls (found with {fitness:.1f}; --single "
+        "chooses by that)"
+    )
 
 
 def _model_maker(kind: str) -> Callable[[Source, Elite], bytes]:
@@ -105,9 +126,18 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--to", required=True, choices=[*TABLES, *MODELS], help="format")
     which = parser.add_mutually_exclusive_group()
     which.add_argument("--cell", type=int, metavar="N", help="only the controller of this cell")
-    which.add_argument("--best", action="store_true", help="only the fittest controller")
+    which.add_argument(
+        "--best",
+        action="store_true",
+        help="only the fittest controller, by the means of its re-evaluations if it has any",
+    )
     which.add_argument(
         "--evaluation", type=int, metavar="K", help="only the controller of this evaluation"
+    )
+    parser.add_argument(
+        "--single",
+        action="store_true",
+        help="with --best: the fittest in its single evaluation, also where means of re-evaluations are known",
     )
     parser.add_argument(
         "--out", type=Path, metavar="PATH", help="file to write; folder for several models"

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from types import ModuleType
 from typing import Any
 
+from pga_me_ros.arrays import Float32Array
 from pga_me_ros.core.archive.elites import Elite
+from pga_me_ros.core.networks.mlp import MlpShape
 from pga_me_ros.errors import PgaError
 from pga_me_ros.export.source import Source
 
@@ -34,18 +37,27 @@ def require_onnx() -> ModuleType:
 
 
 def onnx_bytes(source: Source, elite: Elite) -> bytes:
-    """Return a controller as a serialized ONNX model.
+    """Return an elite's controller as a serialised ONNX model, see `controller_bytes`."""
+    return controller_bytes(source.run.shape, elite.parameters, source.about(elite))
 
-    Its input ``observation`` is (batch, observation_dim) float32, its output ``action`` (batch, action_dim) float32;
-    the model's metadata has the content of `Source.about`.
+
+def controller_bytes(shape: MlpShape, parameters: Float32Array, about: Mapping[str, str]) -> bytes:
+    """Return a controller as a serialised ONNX model.
+
+    Its input ``observation`` is (batch, observation_dim) float32, its output ``action`` (batch, action_dim) float32.
+
+    Args:
+        shape: Its layers.
+        parameters: (P,) float32 parameters.
+        about: What the model's metadata hold, such as `Source.about` tells.
 
     Raises:
         PgaError: The onnx package is not installed.
     """
     onnx = require_onnx()
     helper = onnx.helper
-    nodes, weights = _layers(onnx, source, elite)
-    sizes = source.run.shape.sizes
+    nodes, weights = _layers(onnx, shape, parameters)
+    sizes = shape.sizes
     kind = onnx.TensorProto.FLOAT
     graph = helper.make_graph(
         nodes,
@@ -60,17 +72,19 @@ def onnx_bytes(source: Source, elite: Elite) -> bytes:
         opset_imports=[helper.make_opsetid("", OPSET)],
         ir_version=IR_VERSION,
     )
-    helper.set_model_props(model, source.about(elite))
+    helper.set_model_props(model, dict(about))
     onnx.checker.check_model(model, full_check=True)
     content: bytes = model.SerializeToString(deterministic=True)
     return content
 
 
-def _layers(onnx: ModuleType, source: Source, elite: Elite) -> tuple[list[Any], list[Any]]:
+def _layers(
+    onnx: ModuleType, shape: MlpShape, parameters: Float32Array
+) -> tuple[list[Any], list[Any]]:
     """Return the nodes and the initializers of a controller's layers."""
     nodes, weights = [], []
     signal = "observation"
-    layers = source.run.shape.layers(elite.parameters)
+    layers = shape.layers(parameters)
     for i, (weight, bias) in enumerate(layers):
         last = i == len(layers) - 1
         out = "action" if last else f"hidden{i}"

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from pga_me_ros.core.archive.choosing import Demands, Judging
 from pga_me_ros.core.archive.elites import Elite
 from pga_me_ros.core.storage.npz import LAYOUT
 from pga_me_ros.core.storage.stored_run import StoredRun
@@ -34,14 +35,17 @@ class Source:
         cell: int | None = None,
         best: bool = False,
         evaluation: int | None = None,
+        single: bool = False,
     ) -> Source:
         """Read a run, finished or growing.
 
         Args:
             path: Folder of the run, or its repertoire file.
-            cell: Exports only the elite of this cell.
-            best: Exports only the fittest elite.
-            evaluation: Exports only the elite of this evaluation id. Without any of the three, all are exported.
+            cell: The cell whose elite is wanted.
+            best: Whether the fittest is wanted.
+            single: Whether the fittest is so by its single evaluation, rather than by the means of re-evaluations where
+                there are any.
+            evaluation: Evaluation id of the elite that is wanted. Without any of the three, all are.
 
         Raises:
             StorageError: There is no run, it is damaged, or it holds no behavior yet.
@@ -49,7 +53,7 @@ class Source:
             NotFoundError: The cell is empty, or the controller of the evaluation is not an elite.
         """
         run = StoredRun.load(path)
-        choices = run.choices()
+        choices = run.choices(Demands(Judging.of(single=single)))
         if best:
             return cls(run, (choices.fittest(),), one=True)
         if cell is not None:
@@ -63,8 +67,17 @@ class Source:
         return (self.run.archive.elite(cell) for cell in self.cells)
 
     def about(self, elite: Elite) -> dict[str, str]:
-        """Return what users of a controller must know, as text by name; lists and numbers are JSON."""
-        spec = self.run.spec
+        """Return what a controller's user must know, as text by name; lists and numbers are JSON."""
+        spec, statistics = self.run.spec, self.run.statistics
+        repeats = int(statistics.repeats[elite.cell])
+        means = {
+            "mean_fitness": float(statistics.mean_fitness[elite.cell]),
+            "mean_descriptor": statistics.mean_descriptor[elite.cell].tolist(),
+            "fall_share": float(statistics.fall_share[elite.cell]),
+        }
+        if repeats > 1:
+            means["fitness_spread"] = float(statistics.fitness_spread[elite.cell])
+            means["descriptor_spread"] = statistics.descriptor_spread[elite.cell].tolist()
         known = {
             "cell": elite.cell,
             "evaluation": elite.evaluation,
@@ -79,6 +92,8 @@ class Source:
             "action_high": spec.action_high,
             "control_period": spec.control_period,
             "layer_sizes": self.run.shape.sizes,
+            "repeats": repeats,
+            **(means if repeats else {}),
         }
         text = {name: json.dumps(value) for name, value in known.items()}
         return {"task": spec.name, "run_id": self.run.info.run_id, "layout": LAYOUT} | text

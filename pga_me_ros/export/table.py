@@ -26,7 +26,7 @@ def write_csv(source: Source, path: Path) -> None:
     header = [*PLAIN, "fitness", *names]
     again = bool(source.run.statistics.repeats.any())
     if again:
-        header += ["repeats", "mean_fitness", "fitness_spread"]
+        header += ["repeats", "mean_fitness", "fitness_spread", "fall_share"]
         header += [f"{kind}:{name}" for kind in ("mean", "spread") for name in names]
     writer.writerow(header)
     for elite in source.elites():
@@ -44,6 +44,6 @@ def _row(elite: Elite) -> Iterator[object]:
 def _means(source: Source, cell: int) -> Iterator[object]:
     known = source.run.statistics
     yield int(known.repeats[cell])
-    numbers = [known.mean_fitness[cell], known.fitness_spread[cell]]
+    numbers = [known.mean_fitness[cell], known.fitness_spread[cell], known.fall_share[cell]]
     numbers += [*known.mean_descriptor[cell], *known.descriptor_spread[cell]]
     yield from ("" if number != number else float(number) for number in numbers)  # NaN: none

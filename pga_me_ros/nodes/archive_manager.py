@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from pga_me_msgs.msg import Elites
 from pga_me_msgs.msg import Metrics as MetricsMsg
-from pga_me_msgs.srv import AddToArchive, SampleParents
+from pga_me_msgs.srv import AddToArchive, Extract, SampleParents
+from rclpy.clock import Clock, ClockType
 
 from pga_me_ros.arrays import Int64Array
 from pga_me_ros.core.algorithms import algorithm_of
+from pga_me_ros.core.archive.depth import CellDepth
 from pga_me_ros.core.archive.elites import NO_PARENT, Solutions, Status
 from pga_me_ros.core.archive.metrics import Metrics, generation_metrics
 from pga_me_ros.core.evaluation import evaluation_ids
@@ -19,12 +20,13 @@ from pga_me_ros.core.operators import Operator
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.core.settings.field import setting
 from pga_me_ros.core.storage.metrics_file import METRICS_FILE, MetricsFile
+from pga_me_ros.core.storage.reevaluating import stored_measures
 from pga_me_ros.core.storage.repertoire import Repertoire
+from pga_me_ros.core.storage.stored_run import repertoire_file
 from pga_me_ros.errors import RequestError, SettingsError, StorageError
 from pga_me_ros.ros import names, qos
 from pga_me_ros.ros.command_line import Program
 from pga_me_ros.ros.convert import (
-    evaluated_from_msg,
     finite,
     flat,
     metrics_to_msg,
@@ -32,6 +34,7 @@ from pga_me_ros.ros.convert import (
     with_rates,
 )
 from pga_me_ros.ros.elites_topic import elites_to_msg
+from pga_me_ros.ros.evaluated_chunk import evaluated_from_msg
 from pga_me_ros.ros.graph_node import GraphNode
 from pga_me_ros.ros.namesakes import leave_to_elders
 from pga_me_ros.ros.options import RunOptions
@@ -43,6 +46,9 @@ from pga_me_ros.serving.repertoire_services import RepertoireServices
 STATUS = {status: getattr(AddToArchive.Request, status.name) for status in Status}
 """The message's number for each outcome of a solution."""
 
+LOOK_PERIOD = 1.0
+"""Seconds between two looks at whether the elites were evaluated again."""
+
 OTHER_NAME = "Stop that node, or give this one a namespace (--ros-args -r __ns:=/NAME) or another ROS_DOMAIN_ID."
 """What the user can do if another archive manager has the name."""
 
@@ -52,7 +58,10 @@ class ArchiveManagerSettings:
     """Parameters of the archive manager; everything else is in the repertoire file."""
 
     repertoire: str = setting(
-        "", "Repertoire file, for example runs/qd_walker-seed0/repertoire.db.", path=True
+        "",
+        "What to serve: a repertoire file, the folder of a run, or a repertoire that comes with the package, such as "
+        "zoo/qd_hopper.",
+        path=True,
     )
     grow: bool = setting(
         False, "Whether a run adds to the file; otherwise it is only read, never changed."
@@ -67,29 +76,34 @@ class ArchiveManager(GraphNode):
         values = declare(self, ArchiveManagerSettings, shared=(Settings, RunOptions))
         if not values["repertoire"]:
             raise SettingsError(
-                "No repertoire is named; give its file: -p repertoire:=RUN_DIR/repertoire.db"
+                "No repertoire is named; give its file: -p repertoire:=RUN_DIR/repertoire.db, or -p "
+                "repertoire:=zoo/NAME for one that comes with the package."
             )
-        path, self._grow = Path(values["repertoire"]), values["grow"]
+        path, self._grow = repertoire_file(values["repertoire"]), values["grow"]
         self._file = Repertoire.open(path, read_only=not self._grow)
         self._info = self._file.info
         self._settings = Settings.from_stored(self._info.settings)
-        self._archive = self._file.load_archive()
+        self._read_archive()
         if self._archive.note:
             self.get_logger().info(self._archive.note)
         generations = self._file.generations()
         self._metrics = generations[-1].metrics if generations else None
         self._table = MetricsFile(path.with_name(METRICS_FILE))
         self._metrics_topic = self.create_publisher(MetricsMsg, names.METRICS, qos.LATCHED)
+        dimensions = self._archive.dimensions
         self._pictures = ArchivePictures(self, self._archive)
         self._readers = RepertoireServices(self, self._info, self._archive, self._grow, path)
         if self._grow:
-            self._table.rebuild(generations)
+            self._table.rebuild(generations, stored_measures(path, self._info.run_id, dimensions))
             self._elites_topic = self.create_publisher(Elites, names.ELITES, qos.ELITES)
             self.serve(AddToArchive, names.ADD_TO_ARCHIVE, self._add)
             self.serve(SampleParents, names.SAMPLE_PARENTS, self._sample)
-        else:  # a run's own archive manager is never disturbed
+            self.serve(Extract, names.EXTRACT, self._extract)
+        else:  # a run's own is never disturbed
             leave_to_elders(self, lambda msg: msg.kind == "archive_manager", OTHER_NAME)
         self._show()
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(LOOK_PERIOD, self.unless_ended(self._look), clock=steady)
         self.start_heartbeat(run_id=self._info.run_id, task=self._info.task["name"])
 
     @property
@@ -111,24 +125,74 @@ class ArchiveManager(GraphNode):
     def _commit(self, batch: Solutions, request: AddToArchive.Request) -> list[int]:
         rates = with_rates(self._settings, request.rates)
         offered = algorithm_of(self._settings).offered(batch.operators)
-        added = self._archive.add(batch, offered)
+        change = None
+        if self._depth is None:
+            added = self._archive.add(batch, offered)
+        else:
+            self._require_drawn(batch, request.generation)
+            change = self._depth.add(batch, offered)
+            added = change.added
+        changed = added.changed_cells if change is None else change.changed_cells
         metrics = generation_metrics(self._archive, batch, added, request.generation, self._metrics)
-        elites = [self._archive.elite(cell) for cell in added.changed_cells.tolist()]
+        elites = [self._archive.elite(cell) for cell in changed.tolist()]
         try:
-            self._file.commit(request.generation, elites, metrics, rates.rates)
+            self._file.commit(request.generation, elites, metrics, rates.rates, change)
         except StorageError:
             self._return_to_file()
             raise
         self._metrics = metrics
-        self._publish_elites(added.changed_cells)
+        self._publish_elites(changed)
         self.count_done()
         self._show()
         self._table.append(self._file.generation(request.generation))
         return [STATUS[status] for status in added.status.tolist()]
 
-    def _return_to_file(self) -> None:
-        """Forget what could not be committed, so that only stored content is served."""
+    def _read_archive(self) -> None:
+        """Take the archive, and what its cells hold below their elites, from the file."""
         self._archive = self._file.load_archive()
+        s = self._settings
+        self._depth: CellDepth | None = None
+        if self._grow and s.extracted:
+            self._depth = self._file.load_depth(self._archive, s.cell_depth)
+
+    def _drawn(self, generation: int) -> Int64Array:
+        """Return which solutions a generation takes out of the archive; it must be the next one."""
+        assert self._depth is not None
+        s = self._settings
+        count = 0 if generation < s.init_generations else s.extracted
+        return self._depth.draw(s.seed, generation, count) if count else np.empty(0, np.int64)
+
+    def _require_drawn(self, batch: Solutions, generation: int) -> None:
+        """Make sure that a generation evaluated again what it had to.
+
+        Raises:
+            RequestError: It did not.
+        """
+        again = batch.parents[batch.operators == Operator.EXTRACTED, 0]
+        drawn = self._drawn(generation)
+        if not np.array_equal(again, drawn):
+            raise RequestError(
+                f"Generation {generation} evaluated solutions {again.tolist()} again; expected {drawn.tolist()}, as "
+                f"drawn by {names.EXTRACT}."
+            )
+
+    def _extract(self, request: Extract.Request, response: Extract.Response) -> None:
+        self.check_run(request.run_id, self._info.run_id)
+        if self._depth is None:
+            raise RequestError("This run evaluates nothing again: its extract_share is 0.")
+        if request.generation != self._last_generation + 1:
+            raise RequestError(
+                f"Solutions are to be taken out for generation {request.generation}, but the archive has all up to "
+                f"{self._last_generation}, so the next is {self._last_generation + 1}."
+            )
+        drawn = self._drawn(request.generation)
+        response.evaluations = flat(drawn, "q")
+        if len(drawn):
+            response.parameters = flat(self._depth.parameters(drawn), "f")
+
+    def _return_to_file(self) -> None:
+        """Forget what could not be committed: what is served is what is stored."""
+        self._read_archive()
         self._readers.archive = self._archive
         self._pictures.changed(self._archive)
 
@@ -198,6 +262,11 @@ class ArchiveManager(GraphNode):
             elites_to_msg(self._archive, self._info.run_id, self._last_generation, cells)
         )
 
+    def _look(self) -> None:
+        """Tell whoever watches when the elites were evaluated again."""
+        if self._readers.outdated:
+            self._show()
+
     def _show(self) -> None:
         """Publish metrics and pictures of the present archive."""
         self._readers.metrics = self._metrics_msg(self._metrics)
@@ -205,7 +274,8 @@ class ArchiveManager(GraphNode):
         self._pictures.changed(self._archive)
 
     def _metrics_msg(self, metrics: Metrics | None) -> MetricsMsg:
-        msg = metrics_to_msg(metrics, self._info, self._archive.cells)
+        corrected = self._readers.measures(metrics.generation) if metrics else None
+        msg = metrics_to_msg(metrics, self._info, self._archive.cells, corrected)
         msg.stamp = self.get_clock().now().to_msg()
         return msg
 

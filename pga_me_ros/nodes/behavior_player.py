@@ -25,7 +25,7 @@ from pga_me_ros.player.display import require_display
 from pga_me_ros.player.messages import RobotMessages, stamp_of
 from pga_me_ros.player.model import RobotModel, RobotState
 from pga_me_ros.player.pace import Pace
-from pga_me_ros.player.promise import is_kept, kept
+from pga_me_ros.player.promise import average, is_kept, kept
 from pga_me_ros.player.settings import PlayerSettings, wanted
 from pga_me_ros.player.source import Served, Source, Stored
 from pga_me_ros.player.urdf import urdf
@@ -38,7 +38,7 @@ from pga_me_ros.ros.options import RunOptions
 from pga_me_ros.ros.parameters import declare, on_change
 from pga_me_ros.ros.process import run_node
 from pga_me_ros.tasks.protocol import Task
-from pga_me_ros.tasks.registry import load_task, make_task
+from pga_me_ros.tasks.registry import load_task, make_task, randomization_option
 
 TICK = 0.1
 """Seconds between two checks whether to end while waiting for an answer."""
@@ -91,7 +91,7 @@ class BehaviorPlayer(GraphNode):
                 else Served(self, self._answer)
             )
             self.start_heartbeat(task=source.task)
-            task = self._open_task(source.task)
+            task = self._open_task(source.task, source.settings.randomization)
             try:
                 episode = 0
                 while episode != (self._values["episodes"] or -1):
@@ -119,11 +119,12 @@ class BehaviorPlayer(GraphNode):
         if self._stop.is_set() or not self.context.ok():
             raise ExternalShutdownException
 
-    def _open_task(self, name: str) -> Task:
+    def _open_task(self, name: str, randomization: str) -> Task:
         if not self._values["gui"]:
-            return make_task(name)
+            return make_task(name, randomization)
+        options = randomization_option(name, randomization)
         try:
-            return load_task(name)(render=True)
+            return load_task(name)(render=True, **options)
         except TypeError as error:
             raise TaskError(
                 f"task '{name}' opens no window ({error}); its class takes no argument `render`, so leave gui out"
@@ -131,11 +132,12 @@ class BehaviorPlayer(GraphNode):
 
     def _play_episode(self, source: Source, task: Task, episode: int) -> None:
         gait = source.choose(self._wanted)
-        numbers = ", ".join(f"{x:.3f}" for x in gait.descriptor)
+        numbers = ", ".join(f"{x:.3f}" for x in gait.promised_descriptor)
         asked = "descriptor" in self._wanted
         self.get_logger().info(
             f"{task.spec.name}: playing cell {gait.cell}, descriptor [{numbers}]"
             + (f", {gait.distance:.3f} from the wanted one" if asked else "")
+            + (f"; {average(gait)}" if gait.by_mean else "")
         )
         period = task.spec.control_period
 
@@ -161,8 +163,12 @@ class BehaviorPlayer(GraphNode):
         done = watched_rollout(task, act, rng, look)
         self.count_done()
         factor = done.length * period / max(self._pace.elapsed(), 1e-9)
-        text = f"episode {episode + 1}: {kept(gait, done)}; {done.length} steps at {factor:.2f} x real time"
-        if fresh or is_kept(gait, done):
+        outcome = (
+            f"{kept(gait, done, fresh=fresh)}; {done.length} steps at {factor:.2f} x real time"
+        )
+        text = f"episode {episode + 1}: {outcome}"
+        # Where solutions are evaluated again, what is stored are means of several evaluations.
+        if fresh or is_kept(gait, done) or s.extracted:
             self.get_logger().info(text)
         else:
             self.get_logger().warning(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import threading
 import time
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, fields
 
 os.environ.setdefault(
@@ -17,7 +18,7 @@ from pga_me_msgs.msg import Transitions
 from pga_me_msgs.srv import Evaluate
 from rclpy.executors import ExternalShutdownException
 
-from pga_me_ros.core.evaluation import evaluation_rng, exploring
+from pga_me_ros.core.evaluation import evaluation_rng, exploring, reevaluation_rng
 from pga_me_ros.core.networks.controller import MlpController
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.core.settings.field import checked_value, setting
@@ -32,6 +33,7 @@ from pga_me_ros.ros.namesakes import leave_to_elders, listening_time
 from pga_me_ros.ros.options import RunOptions
 from pga_me_ros.ros.parameters import declare
 from pga_me_ros.ros.process import run_node
+from pga_me_ros.tasks.protocol import Task
 from pga_me_ros.tasks.registry import make_task, simulation_versions
 from pga_me_ros.tasks.rollout import Episode, rollout
 
@@ -64,8 +66,8 @@ class Evaluator(GraphNode):
         self._task_name = declare(self, EvaluatorSettings, shared=(Settings, RunOptions))["task"]
         if _named_by_hand(self):
             self._require_free_name()
-        self._task = make_task(self._task_name)
-        self._spec = self._task.spec
+        self._tasks = {"": make_task(self._task_name)}
+        self._spec = self._tasks[""].spec
         self._experience = self.create_publisher(
             Transitions, names.TRANSITIONS, qos.EXPERIENCE_WRITER
         )
@@ -77,6 +79,10 @@ class Evaluator(GraphNode):
 
     def _evaluate(self, request: Evaluate.Request, response: Evaluate.Response) -> None:
         controllers = self._controllers(request)
+        task = self._randomized(request.randomization)
+        if request.repeats:
+            self._answer(response, self._again(task, request, controllers))
+            return
         episodes: list[Episode] = []
         published = 0
         self._wait_for_reader()
@@ -88,17 +94,50 @@ class Evaluator(GraphNode):
                 raise ExternalShutdownException  # other evaluators do the rest of the chunk
             rng = evaluation_rng(request.seed, evaluation)
             acting = exploring(controller, request.exploration_sigma, request.seed, evaluation)
-            episodes.append(rollout(self._task, acting, rng))
+            episodes.append(rollout(task, acting, rng))
             self.count_done()
             self.diagnostics.queue -= 1
             if time.monotonic() >= due or len(episodes) == len(controllers):
                 for i in range(published, len(episodes)):
                     self._publish(request, request.evaluations[i], episodes[i])
                 published, due = len(episodes), time.monotonic() + HELD
+        self._answer(response, episodes)
+
+    def _again(
+        self, task: Task, request: Evaluate.Request, controllers: list[MlpController]
+    ) -> Iterator[Episode]:
+        """Yield the episodes of re-evaluations, which nobody learns from."""
+        self.diagnostics.run_id = request.run_id
+        for left, (repeat, controller) in enumerate(zip(request.repeats, controllers, strict=True)):
+            if not self.context.ok():
+                raise ExternalShutdownException
+            self.diagnostics.queue = len(controllers) - left
+            yield rollout(task, controller, reevaluation_rng(request.seed, repeat))
+            self.count_done()
+        self.diagnostics.queue = 0
+
+    def _answer(self, response: Evaluate.Response, done: Iterable[Episode]) -> None:
+        """Put the outcomes of episodes into a response."""
+        episodes = list(done)
         response.fitness = flat([e.fitness for e in episodes], "d")
         response.descriptors = flat([e.descriptor for e in episodes], "d")
         response.steps = flat([e.length for e in episodes], "q")
         response.terminated = [bool(e.terminated) for e in episodes]
+
+    def _randomized(self, randomization: str) -> Task:
+        """Return the task in which what a request names is another in each episode.
+
+        Besides the sound one, one is kept: an evaluator works for one run at a time.
+
+        Raises:
+            RandomizationError: The text makes no sense, or the task cannot be randomized.
+        """
+        if randomization not in self._tasks:
+            task = make_task(self._task_name, randomization)
+            for other in [text for text in self._tasks if text]:
+                self._tasks.pop(other).close()
+            self._tasks[randomization] = task
+        return self._tasks[randomization]
 
     def _require_free_name(self) -> None:
         """Listen for a namesake before offering the service, which would also get the namesake's requests.
@@ -142,7 +181,7 @@ class Evaluator(GraphNode):
         """Check a request and return its controllers.
 
         Raises:
-            RequestError: The task, ids, layers or parameters are wrong.
+            RequestError: Wrong task, ids, repeats, layers or parameters.
             SettingsError: The noise is out of its range.
         """
         if request.task != self._task_name:
@@ -156,6 +195,8 @@ class Evaluator(GraphNode):
                 "Give at least one evaluation id; ids, seed and generation must be at least 0."
             )
         checked_value(EXPLORATION_SIGMA, request.exploration_sigma)
+        if request.repeats:
+            _require_repeats(request)
         shape = layers_from_msg(request.layer_sizes, "layer_sizes")
         if (shape.sizes[0], shape.sizes[-1]) != (self._spec.observation_dim, self._spec.action_dim):
             raise RequestError(
@@ -169,8 +210,27 @@ class Evaluator(GraphNode):
 
     def destroy_node(self) -> None:
         """Close the world, then destroy the node."""
-        self._task.close()
+        for task in self._tasks.values():
+            task.close()
         super().destroy_node()
+
+
+def _require_repeats(request: Evaluate.Request) -> None:
+    """Check the fields of re-evaluations.
+
+    Raises:
+        RequestError: There is not one repeat per controller, one is below 0, or noise is asked for.
+    """
+    repeats = np.asarray(request.repeats, np.int64)
+    if repeats.size != len(request.evaluations) or repeats.min() < 0:
+        raise RequestError(
+            f"repeats has {repeats.size} entries, the least {repeats.min()}; expected one per evaluation id "
+            f"({len(request.evaluations)}), at least 0."
+        )
+    if request.exploration_sigma:
+        raise RequestError(
+            f"exploration_sigma is {request.exploration_sigma}, but re-evaluations are without noise; give 0."
+        )
 
 
 def _named_by_hand(node: Evaluator) -> bool:

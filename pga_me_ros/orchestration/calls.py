@@ -7,7 +7,14 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from pga_me_msgs.srv import AddToArchive, Propose, SampleParents, StoreExperience, Train
+from pga_me_msgs.srv import (
+    AddToArchive,
+    Extract,
+    Propose,
+    SampleParents,
+    StoreExperience,
+    Train,
+)
 from rclpy.client import Client
 from rclpy.node import Node
 
@@ -135,6 +142,7 @@ class LoopClients:
 
         self.add_to_archive = client(AddToArchive, names.ADD_TO_ARCHIVE)
         self.sample_parents = client(SampleParents, names.SAMPLE_PARENTS)
+        self.extract = client(Extract, names.EXTRACT)
         self.propose = client(Propose, names.PROPOSE)
         self.train = client(Train, names.TRAIN)
         self.store_experience = client(StoreExperience, names.STORE_EXPERIENCE)

@@ -5,10 +5,9 @@ from __future__ import annotations
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
-import numpy as np
 from pga_me_msgs.msg import NodeStatus
 from pga_me_msgs.srv import Evaluate
 from rclpy.client import Client
@@ -16,10 +15,9 @@ from rclpy.node import Node
 
 from pga_me_ros.arrays import Float32Array
 from pga_me_ros.errors import PgaError
-from pga_me_ros.orchestration.evaluator_work import Chunk, Job, Outcome, Worker, share
+from pga_me_ros.orchestration.evaluator_work import FIRST, Chunk, Job, Outcome, Worker, share
 from pga_me_ros.orchestration.roster import STALE
 from pga_me_ros.ros import qos
-from pga_me_ros.ros.convert import evaluated_from_msg, flat
 from pga_me_ros.ros.namesakes import offers_service
 from pga_me_ros.ros.refusals import printable
 
@@ -62,6 +60,7 @@ class EvaluatorPool:
         self._dead: set[tuple[str, int]] = set()
         self._queue: deque[int] = deque()
         self._parameters: dict[int, Float32Array] = {}
+        self._again: dict[int, tuple[int, int]] = {}
         self._outcomes: dict[int, Outcome] = {}
         self._seconds = 0.0  # mean time per evaluation in a chunk, 0 if unknown
         self.generation = 0
@@ -91,16 +90,24 @@ class EvaluatorPool:
             self._exploration_sigma = exploration_sigma
             self._queue.clear()
             self._parameters.clear()
+            self._again.clear()
             self._outcomes.clear()
 
-    def submit(self, ids: Sequence[int], parameters: Float32Array) -> None:
-        """Queue evaluations.
+    def submit(
+        self,
+        ids: Sequence[int],
+        parameters: Iterable[Float32Array],
+        again: Sequence[tuple[int, int]] = (),
+    ) -> None:
+        """Ask for evaluations.
 
         Args:
-            ids: n evaluation ids.
+            ids: n evaluation ids; of re-evaluations, n numbers below 0, which no evaluation has.
             parameters: (n, P) float32 parameters.
+            again: (evaluation id, repeat) of each re-evaluation; empty if these are evaluations.
         """
         with self._lock:
+            self._again.update(zip(ids, again, strict=bool(again)))
             self._parameters.update(zip(ids, parameters, strict=True))
             self._queue.extend(ids)
             self._dispatch()
@@ -114,7 +121,11 @@ class EvaluatorPool:
             self._dispatch()
 
     def done(self, ids: Sequence[int]) -> bool:
-        """Whether all these evaluations have a result.
+        """Whether all these evaluations have a result; raises as `finished` does."""
+        return len(self.finished(ids)) == len(ids)
+
+    def finished(self, ids: Sequence[int]) -> list[int]:
+        """Return which of these evaluations have a result.
 
         Raises:
             PgaError: All evaluators refuse them.
@@ -122,7 +133,7 @@ class EvaluatorPool:
         with self._lock:
             if self._error:
                 raise self._error
-            return all(k in self._outcomes for k in ids)
+            return [k for k in ids if k in self._outcomes]
 
     def outcomes(self, ids: Sequence[int]) -> list[Outcome]:
         """Return the results of finished evaluations."""
@@ -271,14 +282,12 @@ class EvaluatorPool:
                 self._send(helper, some)
 
     def _send(self, worker: Worker, ids: list[int]) -> None:
-        job = self._job
-        request = Evaluate.Request(
-            run_id=job.run_id, task=job.task, seed=job.seed, generation=self.generation
+        request = self._job.request(
+            self.generation,
+            self._exploration_sigma,
+            [self._again.get(k, (k, FIRST)) for k in ids],
+            [self._parameters[k] for k in ids],
         )
-        request.exploration_sigma = self._exploration_sigma
-        request.evaluations = flat(ids, "q")
-        request.layer_sizes = flat(job.layer_sizes, "q")
-        request.parameters = flat(np.stack([self._parameters[k] for k in ids]), "f")
         chunk = Chunk(ids, time.monotonic())
         worker.chunks.append(chunk)
         chunk.future = worker.client.call_async(request)
@@ -297,20 +306,12 @@ class EvaluatorPool:
 
     def _take(self, worker: Worker, chunk: Chunk, response: Evaluate.Response) -> None:
         try:
-            if not response.accepted:
-                raise PgaError(response.message)
-            out = evaluated_from_msg(response, len(chunk.ids), self._job.descriptor_dim)
+            outcomes = self._job.outcomes(response, len(chunk.ids))
         except PgaError as error:
             self._refuse(worker, chunk, str(error))
             return
         worker.refusals = worker.given_up = 0
-        for i, k in enumerate(chunk.ids):
-            outcome = Outcome(
-                float(out.fitness[i]),
-                out.descriptors[i],
-                int(out.steps[i]),
-                bool(out.terminated[i]),
-            )
+        for k, outcome in zip(chunk.ids, outcomes, strict=True):
             self._outcomes.setdefault(k, outcome)
         took = (time.monotonic() - chunk.sent) / len(chunk.ids)
         self._seconds = took if not self._seconds else 0.9 * self._seconds + 0.1 * took

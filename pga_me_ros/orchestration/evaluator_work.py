@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from math import ceil
 from typing import Any
 
+import numpy as np
+from pga_me_msgs.srv import Evaluate
 from rclpy.client import Client
 
-from pga_me_ros.arrays import Float64Array
+from pga_me_ros.arrays import Float32Array, Float64Array
+from pga_me_ros.errors import PgaError
+from pga_me_ros.ros.convert import flat
+from pga_me_ros.ros.evaluated_chunk import evaluated_from_msg
 
 LOST = 10.0
 """Seconds without a finished evaluation after which a request to a living evaluator first counts as lost."""
@@ -18,6 +24,10 @@ STRAGGLER = 3.0
 
 WORTHWHILE = 0.12
 """Seconds of work that make a request worth sending: each costs both ends a few ms."""
+
+
+FIRST = -1
+"""In place of a repeat's number: the evaluation itself, from which a run learns."""
 
 
 @dataclass(frozen=True)
@@ -104,6 +114,48 @@ class Job:
     layer_sizes: tuple[int, ...]
     descriptor_dim: int
     versions: str
+    randomization: str = ""
+
+    def request(
+        self,
+        generation: int,
+        exploration_sigma: float,
+        work: Sequence[tuple[int, int]],
+        parameters: Sequence[Float32Array],
+    ) -> Evaluate.Request:
+        """Return what an evaluator is asked for.
+
+        Args:
+            generation: Generation of the controllers.
+            exploration_sigma: Standard deviation of the noise on actions.
+            work: (evaluation id, repeat) of each of n episodes, all with a repeat or all `FIRST`.
+            parameters: n arrays, (P,) float32 each.
+        """
+        request = Evaluate.Request(run_id=self.run_id, task=self.task, seed=self.seed)
+        request.generation = generation
+        request.randomization = self.randomization
+        request.exploration_sigma = exploration_sigma
+        request.evaluations = flat([evaluation for evaluation, _ in work], "q")
+        if work[0][1] != FIRST:
+            request.repeats = flat([repeat for _, repeat in work], "q")
+        request.layer_sizes = flat(self.layer_sizes, "q")
+        request.parameters = flat(np.stack(parameters), "f")
+        return request
+
+    def outcomes(self, response: Evaluate.Response, count: int) -> list[Outcome]:
+        """Return the results of a request for so many evaluations, one by one.
+
+        Raises:
+            PgaError: The evaluator refused the request, or its answer is malformed.
+        """
+        if not response.accepted:
+            raise PgaError(response.message)
+        out = evaluated_from_msg(response, count, self.descriptor_dim)
+        columns = (out.fitness, out.descriptors, out.steps, out.terminated)
+        return [
+            Outcome(float(fitness), descriptor, int(steps), bool(terminated))
+            for fitness, descriptor, steps, terminated in zip(*columns, strict=True)
+        ]
 
 
 def share(queued: int, evaluators: int, seconds: float) -> int:

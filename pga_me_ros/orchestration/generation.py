@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from pga_me_msgs.msg import Metrics
-from pga_me_msgs.srv import AddToArchive, Propose, SampleParents
+from pga_me_msgs.srv import AddToArchive, Extract, Propose, SampleParents
 
 from pga_me_ros.arrays import Float32Array, Int64Array
 from pga_me_ros.core.algorithms import Slots
@@ -94,6 +94,9 @@ class GenerationLoop:
 
     def _fill(self, plan: GenerationPlan, batch: Batch, slots: Slots) -> None:
         """Have offspring made and send each piece to the evaluators at once."""
+        if slots.operator == Operator.EXTRACTED:
+            self._extract(plan, batch, slots)
+            return
         end = slots.first + slots.count
         for first in range(slots.first, end, PIECE):
             places = slice(first, min(first + PIECE, end))
@@ -111,6 +114,19 @@ class GenerationLoop:
                     request.parents = flat(batch.parents[places, :each], "q")
                 batch.parameters[places] = self._propose(plan, request, each)
             self._pool.submit(ids, batch.parameters[places])
+
+    def _extract(self, plan: GenerationPlan, batch: Batch, slots: Slots) -> None:
+        """Have solutions of the archive evaluated again."""
+        places = slice(slots.first, slots.first + slots.count)
+        request = Extract.Request(run_id=self._run_id, generation=plan.generation)
+        response = accepted(self._waiter, self._clients.extract, request)
+        size = (slots.count, self._shape.parameter_count)
+        batch.operators[places] = slots.operator
+        batch.parents[places, 0] = shaped(
+            response.evaluations, (slots.count,), np.int64, "evaluations"
+        )
+        batch.parameters[places] = shaped(response.parameters, size, np.float32, "parameters")
+        self._pool.submit(batch.evaluations[places], batch.parameters[places])
 
     def _sample(self, proposal: Propose.Request, each: int, *, publish: bool = False) -> Int64Array:
         """Return the evaluation ids (n, each) of parents for a proposal."""

@@ -22,7 +22,7 @@ from pga_me_ros.orchestration.run import Run
 from pga_me_ros.process.signals import SecondSignal, Signals, ignore_signals
 from pga_me_ros.ros.process import report
 from pga_me_ros.ros.spinning import spin
-from pga_me_ros.tasks.registry import task_spec
+from pga_me_ros.tasks.registry import randomization_option, task_spec
 
 HEARTBEAT = 1.0
 """Seconds between two messages on progress and diagnostics."""
@@ -39,6 +39,7 @@ def lead(control: Control, signals: Signals) -> int:
     """
     settings, options = control.settings, control.options
     spec = task_spec(settings.task)
+    randomization_option(settings.task, settings.randomization)  # refuses what makes no sense
     progress = ProgressReporter(control)
     progress.msg.task = settings.task
     progress.publish()

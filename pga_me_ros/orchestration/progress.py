@@ -17,6 +17,9 @@ from pga_me_ros.ros import names, qos
 WINDOW = 20
 """Generations over which the rate is taken."""
 
+AT_WORK = ("running", "re-evaluating")
+"""States in which evaluations are done."""
+
 ENDS = ("finished", "stopping", "failed")
 """States after which there is no progress."""
 
@@ -49,9 +52,9 @@ class ProgressReporter:
 
     def enter(self, state: str) -> None:
         """Say that the run is in another state now."""
-        if state == "running" and self.msg.state != "running":
+        if state in AT_WORK and self.msg.state != state:
             self._times.clear()
-            self._times.append((time.monotonic(), self.msg.evaluations))
+            self._times.append((time.monotonic(), self._done))
         if state in ENDS:
             self._control.terminal.close()
         self.msg.state = state
@@ -73,6 +76,19 @@ class ProgressReporter:
             self._control.terminal.show(self.parts())
         self.publish()
 
+    def reevaluated(self, done: int, total: int) -> None:
+        """Report how far the re-evaluation of the elites at the end of the run is.
+
+        Args:
+            done: Re-evaluations done by this start.
+            total: Those that were missing when it began.
+        """
+        self.msg.final_reevaluations, self.msg.final_budget = done, total
+        self.enter("re-evaluating")
+        self._measure()
+        self._control.terminal.show(self.parts())
+        self.publish()
+
     def publish(self) -> None:
         """Publish the present state."""
         if self.msg.run_id:
@@ -86,6 +102,13 @@ class ProgressReporter:
     def parts(self) -> list[str]:
         """Return the progress in words, what can be left out in a narrow terminal at the end."""
         m = self.msg
+        if m.state == "re-evaluating":
+            return [
+                m.task,
+                f"re-evaluations {m.final_reevaluations}/{m.final_budget}",
+                f"ETA {_duration(m.eta)}",
+                f"{m.rate:.1f}/s",
+            ]
         return [
             m.task,
             f"evaluations {m.evaluations}/{m.budget}",
@@ -97,14 +120,26 @@ class ProgressReporter:
             f"generation {m.generation + 1}/{m.generations}",
         ]
 
+    @property
+    def _done(self) -> int:
+        """Evaluations done so far, those at the end included."""
+        return int(self.msg.evaluations + self.msg.final_reevaluations)
+
+    @property
+    def _left(self) -> int:
+        """Evaluations to do, as far as it is known how many elites there will be to evaluate again."""
+        m = self.msg
+        budget = m.final_budget or self._control.options.reevaluations * m.coverage
+        return int(max(0, m.budget - m.evaluations) + budget - m.final_reevaluations)
+
     def _measure(self) -> None:
-        """Take rate and remaining time from the last generations."""
+        """Take rate and remaining time from the last generations, or the last re-evaluations."""
         msg = self.msg
-        self._times.append((time.monotonic(), msg.evaluations))
+        self._times.append((time.monotonic(), self._done))
         (t0, n0), (t1, n1) = self._times[0], self._times[-1]
-        if t1 > t0:
+        if t1 > t0 and n1 > n0:
             msg.rate = (n1 - n0) / (t1 - t0)
-            msg.eta = max(0, msg.budget - msg.evaluations) / msg.rate
+            msg.eta = self._left / msg.rate
 
 
 def _duration(seconds: float) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 
 from pga_me_msgs.msg import Metrics, NodeStatus
 from pga_me_msgs.srv import GetInfo
@@ -13,6 +14,7 @@ from pga_me_ros.orchestration.calls import PATIENCE, LoopClients, StoppedError, 
 from pga_me_ros.orchestration.control import Control
 from pga_me_ros.orchestration.evaluator_pool import EvaluatorPool
 from pga_me_ros.orchestration.evaluator_work import Job
+from pga_me_ros.orchestration.final_reevaluation import FinalReevaluation
 from pga_me_ros.orchestration.generation import GenerationLoop
 from pga_me_ros.orchestration.progress import ProgressReporter
 from pga_me_ros.orchestration.team import Team
@@ -61,6 +63,7 @@ class Run:
             layer_sizes=shape.sizes,
             descriptor_dim=spec.descriptor_dim,
             versions=simulation_versions(settings.task),
+            randomization=settings.randomization,
         )
         self._pool = EvaluatorPool(control, job, self._waiter.wake)
         self._team = Team(control, directory, self._pool)
@@ -86,6 +89,9 @@ class Run:
             self._waiter,
             directory.imported,
         )
+        self._final = FinalReevaluation(
+            directory, options.reevaluations, self._pool, self._waiter, progress
+        )
         self._clients = clients
         self._info = control.create_client(GetInfo, names.GET_INFO, qos_profile=qos.CLIENT)
         control.create_subscription(NodeStatus, names.STATUS, self._heard, qos.STATUS)
@@ -105,12 +111,13 @@ class Run:
         self._team.start_archive(grow=bool(todo))
         if todo:
             self._team.start_learners()
+        if todo or self._final.is_missing():
             self._team.start_evaluators(self._options.evaluators or os.cpu_count() or 1)
         self._waiter.until(self._team.ready)
         if todo.start:
             self._progress.generation(self._metrics(), finished=False)
         if todo:
-            self._wait_for_evaluators()
+            self._wait_for_evaluators(self._clients.ready)
         before = self._directory.before
         for t in todo:
             self._wait_while_paused()
@@ -120,6 +127,8 @@ class Run:
             before = settings
             self._team.children.progressed()
             self._report(metrics)
+        self._team.stop_learners()
+        self._final.carry_out(self._wait_for_evaluators, self._wait_while_paused)
         self._team.stop_workers()
         self._progress.enter("finished")
 
@@ -156,17 +165,19 @@ class Run:
         self._progress.msg.evaluators = len(self._pool)
         self._waiter.wake()
 
-    def _enough(self) -> bool:
-        return len(self._pool) >= self._options.min_evaluators and self._clients.ready()
-
-    def _wait_for_evaluators(self) -> None:
+    def _wait_for_evaluators(self, others: Callable[[], bool] = lambda: True) -> None:
+        """Wait for as many evaluators as work needs, and for something else."""
         wanted = self._options.min_evaluators
-        if not self._waiter.until(self._enough, PATIENCE) and len(self._pool) < wanted:
+
+        def enough() -> bool:
+            return len(self._pool) >= wanted and others()
+
+        if not self._waiter.until(enough, PATIENCE) and len(self._pool) < wanted:
             local = f"; {LOCAL_NOTE}" if is_local() else ""
             self._progress.say(
                 f"waiting for evaluators: {len(self._pool)} of {wanted} are here{local}"
             )
-        self._waiter.until(self._enough)
+        self._waiter.until(enough)
 
     def _wait_while_paused(self) -> None:
         if self._control.paused.is_set():

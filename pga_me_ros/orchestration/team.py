@@ -80,6 +80,11 @@ class Team:
         for i in range(count):
             self._start("evaluator", f"evaluator_{i}", {"task": self._directory.settings.task})
 
+    def stop_learners(self) -> None:
+        """Stop what only a growing run needs: all but the archive manager and the evaluators."""
+        learners = ("critic_trainer", "variation")
+        self.children.stop([n for n in self.children.names() if n in learners])
+
     def stop_workers(self) -> None:
         """Stop all but the archive manager."""
         self.children.stop([n for n in self.children.names() if n != "archive_manager"])

@@ -17,15 +17,39 @@ class Gait(Protocol):
 
     @property
     def evaluation(self) -> int:
-        """Id of the evaluation that the promise comes from."""
+        """Id of the evaluation that it was found with."""
 
     @property
     def fitness(self) -> float:
-        """Promised fitness."""
+        """Its fitness in that evaluation."""
 
     @property
     def descriptor(self) -> Float64Array:
-        """(d,) float64 promised descriptor."""
+        """(d,) float64 descriptor in that evaluation."""
+
+    @property
+    def by_mean(self) -> bool:
+        """Whether it was chosen by the means of its re-evaluations."""
+
+    @property
+    def repeats(self) -> int:
+        """Number of its re-evaluations."""
+
+    @property
+    def fitness_spread(self) -> float:
+        """Standard deviation of their fitness, NaN for fewer than two."""
+
+    @property
+    def fall_share(self) -> float:
+        """Share of them that ended in a fall, NaN for none."""
+
+    @property
+    def promised_fitness(self) -> float:
+        """The fitness that it was chosen by."""
+
+    @property
+    def promised_descriptor(self) -> Float64Array:
+        """(d,) float64 the descriptor that it was chosen by."""
 
     @property
     def distance(self) -> float:

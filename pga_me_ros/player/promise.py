@@ -11,17 +11,42 @@ from pga_me_ros.tasks.rollout import Episode
 
 
 def is_kept(gait: Gait, episode: Episode) -> bool:
-    """Whether fitness and descriptor are those promised, bit for bit."""
+    """Whether fitness and descriptor are those of the evaluation that the behavior was found with, bit for bit."""
     same = np.array_equal(episode.descriptor, gait.descriptor)
     return episode.fitness == gait.fitness and same
 
 
-def kept(gait: Gait, episode: Episode) -> str:
-    """Return what was achieved and what was promised, in one line."""
+def kept(gait: Gait, episode: Episode, *, fresh: bool = False) -> str:
+    """Return what was achieved and what was promised, in one line.
+
+    Args:
+        gait: The behavior.
+        episode: The episode.
+        fresh: Whether it began in another pose than the evaluation that the behavior was found with; then its means are
+            what it promises, where it was chosen by them.
+    """
     achieved = _words(episode.fitness, episode.descriptor)
+    if fresh and gait.by_mean:
+        away = float(np.linalg.norm(episode.descriptor - gait.promised_descriptor))
+        return (
+            f"achieved {achieved}{', fell' if episode.terminated else ''}; promised {average(gait)}: fitness "
+            f"{episode.fitness - gait.promised_fitness:+.2f}, descriptor {away:.3f} away"
+        )
     promised = _words(gait.fitness, gait.descriptor)
     verdict = "equal" if is_kept(gait, episode) else "different"
     return f"achieved {achieved}; promised {promised}: {verdict}"
+
+
+def average(gait: Gait) -> str:
+    """Return what a behavior does on average, as far as it was evaluated again."""
+    if not gait.by_mean:
+        return f"{_words(gait.fitness, gait.descriptor)} by a single evaluation"
+    spread = f" ± {gait.fitness_spread:.2f}" if gait.repeats > 1 else ""
+    numbers = ", ".join(f"{x:.3f}" for x in gait.promised_descriptor)
+    return (
+        f"fitness {gait.promised_fitness:.2f}{spread}, descriptor [{numbers}] on average of {gait.repeats} "
+        f"re-evaluations, {100.0 * gait.fall_share:.0f} % of them falls"
+    )
 
 
 def _words(fitness: float, descriptor: Any) -> str:

@@ -26,6 +26,17 @@ class PlayerSettings:
     )
     cell: int = setting(-1, "Wanted cell of the archive; -1 for none.", low=-1, high=INT64_MAX)
     min_fitness: float = setting(-math.inf, "Least fitness of what may be chosen.")
+    max_fall_share: float = setting(
+        math.inf,
+        "Greatest share of a gait's re-evaluations that may have ended in a fall, 0 to 1; infinite for any.",
+        low=0.0,
+        high=math.inf,
+    )
+    single: bool = setting(
+        False,
+        "Whether gaits are chosen by the single evaluation that they were found with, rather than by the means of "
+        "their re-evaluations where they have any.",
+    )
     run_dir: str = setting(
         "",
         "Folder of a run, or its repertoire file, to take the gait from; empty asks the node that serves a repertoire.",
@@ -84,4 +95,8 @@ def wanted(values: Mapping[str, Any]) -> dict[str, Any]:
     }[select]
     if values["min_fitness"] > -math.inf:
         choice["min_fitness"] = values["min_fitness"]
+    if values["max_fall_share"] < math.inf:
+        choice["max_fall_share"] = values["max_fall_share"]
+    if values["single"]:
+        choice["single"] = True
     return choice

@@ -10,25 +10,21 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
-
+from pga_me_ros.arrays import Float32Array
 from pga_me_ros.core.archive.archive import Archive
+from pga_me_ros.core.archive.corrected import corrected_metrics, in_words
 from pga_me_ros.core.archive.metrics import Metrics
+from pga_me_ros.core.archive.statistics import Statistics
 from pga_me_ros.core.networks.mlp import MlpShape
-from pga_me_ros.core.storage.file_lock import FileLock
-from pga_me_ros.core.storage.reevaluations import (
-    FILE,
-    Reevaluations,
-    Statistics,
-    fitness_differences,
-)
+from pga_me_ros.core.storage.reevaluating import Reevaluating, fittest_first
+from pga_me_ros.core.storage.reevaluations import Reevaluations, fitness_differences
 from pga_me_ros.core.storage.run_info import RunInfo, changed_fields, library_versions
 from pga_me_ros.core.storage.stored_run import StoredRun
 from pga_me_ros.errors import RequestError, StorageError
 from pga_me_ros.process.program import run_program
 from pga_me_ros.process.streams import tell
-from pga_me_ros.reevaluate.workers import Job, Outcome, evaluated
-from pga_me_ros.tasks.registry import task_spec
+from pga_me_ros.reevaluate.workers import Job, SimulatedWorld, evaluated
+from pga_me_ros.tasks.registry import randomization_option, task_spec
 
 PIECE = 10
 """Repeats of one elite that a process does at a time."""
@@ -50,7 +46,14 @@ def main(args: Sequence[str] | None = None) -> int:
 
     def work() -> None:
         print(
-            reevaluate(options.run, options.repeats, options.best, options.processes, options.bests)
+            reevaluate(
+                options.run,
+                options.repeats,
+                options.best,
+                options.processes,
+                options.bests,
+                options.randomization,
+            )
         )
 
     return run_program(work, stopped="stopped; the same command continues from here")
@@ -62,6 +65,7 @@ def reevaluate(
     best: int | None = None,
     processes: int = 0,
     bests: bool = False,
+    randomization: str | None = None,
 ) -> str:
     """Evaluate elites until each has so many repeats; those that are there already are not done again.
 
@@ -71,6 +75,8 @@ def reevaluate(
         best: Only so many of the fittest elites, None for all.
         processes: Processes to use, 0 for one per core.
         bests: Whether to evaluate the best controller of every generation in place of the elites there are now.
+        randomization: What is another in each episode, None for what the run says, empty for nothing. Outcomes in
+            another world than the run's are stored in a file of their own, and change nothing about what is served.
 
     Returns:
         What the statistics say, in words.
@@ -94,19 +100,31 @@ def reevaluate(
         raise RequestError(
             f"'{file}' does not tell which controllers were the best ones (an older program stored it); omit --bests."
         )
+    own = stored.settings.randomization
+    world = SimulatedWorld(
+        stored.settings.task, own if randomization is None else randomization.strip()
+    )
+    randomization_option(world.task, world.randomization)  # refuses what makes no sense
+    elsewhere = None if world.randomization == own else world.randomization
+    if bests and elsewhere is not None:
+        raise RequestError("--bests is about the run's own world; leave out --randomization.")
     chosen = (
         {elite.evaluation: elite.parameters for elite in on_the_way}
         if bests
-        else _chosen(archive, best)
+        else fittest_first(archive, best)
     )
-    lock = FileLock(file.with_name(f"{FILE}.lock"))
+    work = Reevaluating(stored, chosen, repeats, elsewhere)
     try:
-        rows = _grown(file, info, archive.dimensions, repeats, chosen, processes)
+        _carry_out(work, info, world, chosen, processes)
+        work.finish()
     finally:
-        lock.release()
-    return (
-        luck(stored.metrics, rows, repeats) if bests else summary(archive, rows.statistics(archive))
-    )
+        work.close()
+    if bests:
+        return luck(stored.metrics, work.rows, repeats)
+    text = summary(archive, work.rows.statistics(archive))
+    if elsewhere is None:
+        return text
+    return f"randomized: {elsewhere or 'nothing'} (the run: {own or 'nothing'})\n{text}"
 
 
 def luck(metrics: Sequence[Metrics], rows: Reevaluations, repeats: int) -> str:
@@ -121,18 +139,14 @@ def luck(metrics: Sequence[Metrics], rows: Reevaluations, repeats: int) -> str:
 
 
 def summary(archive: Archive, known: Statistics) -> str:
-    """Return what statistics say about an archive's elites, in words."""
-    cells = np.flatnonzero(archive.filled & (known.repeats > 0))
-    once, mean = archive.fitness[cells], known.mean_fitness[cells]
-    moved = np.linalg.norm(archive.descriptors[cells] - known.mean_descriptor[cells], axis=1)
-    seen = known.as_elites(archive)
-    best = seen.best()
+    """Return what statistics say about an archive's elites, some of which were re-evaluated, in words."""
+    measured = corrected_metrics(archive, known)
+    assert measured is not None
+    best = known.as_elites(archive).best()
     return "\n".join(
         [
-            f"{len(cells)} of {archive.coverage} elites were re-evaluated, {known.repeats[cells].min()} times or more",
-            f"fitness: {once.mean():.1f} when they were found, {mean.mean():.1f} on average since "
-            f"(difference {(once - mean).mean():.1f})",
-            f"descriptor: the mean lies {moved.mean():.3f} from the one that they were found with",
+            f"{measured.elites} of {archive.coverage} elites were re-evaluated, {measured.repeats} times or more",
+            *in_words(measured, archive),
             f"best on average: cell {best.cell} with {best.fitness:.1f} "
             f"(spread {known.fitness_spread[best.cell]:.1f}, found with {archive.fitness[best.cell]:.1f})",
         ]
@@ -152,51 +166,39 @@ def _require_same_task(info: RunInfo) -> None:
         print(f"note: not the library that the run was made with: {difference}", file=sys.stderr)
 
 
-def _chosen(archive: Archive, best: int | None) -> dict[int, np.ndarray]:
-    """Return the parameters of the elites to evaluate by their evaluation ids, the fittest first."""
-    cells = archive.filled_cells()
-    fittest_first = cells[np.argsort(-archive.fitness[cells], kind="stable")]
-    return {int(archive.evaluations[c]): archive.parameters[c] for c in fittest_first[:best]}
-
-
-def _grown(
-    file: Path,
+def _carry_out(
+    work: Reevaluating,
     info: RunInfo,
-    dimensions: int,
-    repeats: int,
-    chosen: dict[int, np.ndarray],
+    world: SimulatedWorld,
+    chosen: dict[int, Float32Array],
     processes: int,
-) -> Reevaluations:
-    """Return all re-evaluations of a run after those that were missing were done, and stored on the way."""
-    rows = Reevaluations.load(file, info.run_id, dimensions)
-    jobs = _jobs(chosen, rows.missing(np.array(list(chosen), np.int64), repeats))
-    total = sum(len(job.repeats) for job in jobs)
-    new: list[Outcome] = []
-    saved = -math.inf
+) -> None:
+    """Do what is missing; what is done is stored on the way."""
+    total, done, saved = len(work.missing), 0, -math.inf
+    if not total:
+        return
     results = evaluated(
-        jobs,
-        info.settings["task"],
+        _jobs(chosen, work.missing),
+        world,
         MlpShape(info.layer_sizes),
         info.settings["seed"],
         processes or os.cpu_count() or 1,
     )
     try:
-        for outcomes in results if jobs else ():
-            new += outcomes
-            _show(f"\r{len(new)} of {total} evaluations")
+        for outcomes in results:
+            work.take(outcomes)
+            done += len(outcomes)
+            _show(f"\r{done} of {total} evaluations")
             if time.monotonic() > saved + SAVE_PERIOD:
-                rows.with_more(_rows(new, rows)).save(file)
+                work.save()
                 saved = time.monotonic()
     finally:
-        _show("\n" if new else "")
+        _show("\n" if done else "")
         results.close()
-        if new:
-            rows = rows.with_more(_rows(new, rows))
-            rows.save(file)
-    return rows
+        work.save()
 
 
-def _jobs(chosen: dict[int, np.ndarray], missing: list[tuple[int, int]]) -> list[Job]:
+def _jobs(chosen: dict[int, Float32Array], missing: list[tuple[int, int]]) -> list[Job]:
     """Return what is missing in pieces that are done in seconds, so that little is lost when it is cut off."""
     wanted: dict[int, list[int]] = {}
     for evaluation, repeat in missing:
@@ -208,20 +210,6 @@ def _jobs(chosen: dict[int, np.ndarray], missing: list[tuple[int, int]]) -> list
     ]
 
 
-def _rows(outcomes: list[Outcome], of: Reevaluations) -> Reevaluations:
-    """Return outcomes as rows, in an order that does not depend on who was faster."""
-    done = sorted(outcomes, key=lambda o: (o.evaluation, o.repeat))
-    return Reevaluations(
-        run_id=of.run_id,
-        evaluation=np.array([o.evaluation for o in done], np.int64),
-        repeat=np.array([o.repeat for o in done], np.int64),
-        fitness=np.array([o.fitness for o in done], np.float64),
-        descriptor=np.stack([o.descriptor for o in done]),
-        steps=np.array([o.steps for o in done], np.int64),
-        terminated=np.array([o.terminated for o in done], np.bool_),
-    )
-
-
 def _show(text: str) -> None:
     """Show progress on a terminal."""
     if sys.stderr.isatty():
@@ -231,8 +219,9 @@ def _show(text: str) -> None:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="reevaluate",
-        description="Evaluate the elites of a run again from other initial poses, and store mean and spread of fitness "
-        "and descriptor next to its repertoire. More repeats may be added at any time.",
+        description="Evaluate the elites of a run again from other initial poses, and store the outcomes next to its "
+        "repertoire: behaviors then carry mean, spread and share of falls, and the corrected archive is known. More "
+        "repeats may be added at any time.",
     )
     parser.add_argument("run", type=Path, metavar="RUN", help="folder of a run, or repertoire file")
     parser.add_argument("--repeats", type=int, default=10, metavar="N", help="per elite (10)")
@@ -242,6 +231,12 @@ def _parser() -> argparse.ArgumentParser:
         "--bests",
         action="store_true",
         help="the best controller of every generation instead, for the fitness difference of the paper",
+    )
+    parser.add_argument(
+        "--randomization",
+        metavar="TEXT",
+        help="what is another in each episode, such as 'friction 0.4 0.8, mass 0.8 1.2' or '' for nothing, in place of "
+        "what the run says; the outcomes go to a file of their own and change nothing about what is served",
     )
     parser.add_argument(
         "--processes", type=int, default=0, metavar="N", help="to use; 0, the default: one per core"

@@ -13,10 +13,11 @@ from dataclasses import dataclass
 from functools import partial
 from itertools import islice
 
-from pga_me_ros.arrays import Float32Array, Float64Array
+from pga_me_ros.arrays import Float32Array
+from pga_me_ros.core.evaluation import reevaluation_rng
 from pga_me_ros.core.networks.controller import MlpController
 from pga_me_ros.core.networks.mlp import MlpShape
-from pga_me_ros.core.storage.reevaluations import reevaluation_rng
+from pga_me_ros.core.storage.reevaluations import RepeatOutcome
 from pga_me_ros.errors import PgaError
 from pga_me_ros.tasks.protocol import Task
 from pga_me_ros.tasks.registry import make_task
@@ -42,39 +43,42 @@ class Job:
 
 
 @dataclass(frozen=True)
-class Outcome:
-    """Outcome of one repeat; attributes as in `Reevaluations`, one row."""
+class SimulatedWorld:
+    """What controllers are simulated in.
 
-    evaluation: int
-    repeat: int
-    fitness: float
-    descriptor: Float64Array
-    steps: int
-    terminated: bool
+    Attributes:
+        task: Task, as `make_task` takes it.
+        randomization: What is another in each episode, empty for nothing.
+    """
+
+    task: str
+    randomization: str = ""
 
 
 class Evaluator:
     """What a process keeps from one job to the next: a simulator, made on first use.
 
     Args:
-        task_name: Task, as `make_task` takes it.
+        world: What they are simulated in.
         shape: Layers of the controllers.
         seed: Seed of the run.
     """
 
-    def __init__(self, task_name: str, shape: MlpShape, seed: int) -> None:
+    def __init__(self, world: SimulatedWorld, shape: MlpShape, seed: int) -> None:
         self._shape = shape
         self._seed = seed
-        self._task: Task = make_task(task_name)
+        self._task: Task = make_task(world.task, world.randomization)
 
-    def evaluate(self, job: Job) -> list[Outcome]:
+    def evaluate(self, job: Job) -> list[RepeatOutcome]:
         """Carry out a job."""
         controller = MlpController(self._shape, job.parameters)
         outcomes = []
         for repeat in job.repeats:
             e = rollout(self._task, controller, reevaluation_rng(self._seed, repeat))
             outcomes.append(
-                Outcome(job.evaluation, repeat, e.fitness, e.descriptor, e.length, e.terminated)
+                RepeatOutcome(
+                    job.evaluation, repeat, e.fitness, e.descriptor, e.length, e.terminated
+                )
             )
         return outcomes
 
@@ -87,25 +91,25 @@ def _begin() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches all; the parent ends the work
 
 
-def _evaluate(job: Job, task_name: str, shape: MlpShape, seed: int) -> list[Outcome]:
+def _evaluate(job: Job, world: SimulatedWorld, shape: MlpShape, seed: int) -> list[RepeatOutcome]:
     # Made in the first job, not in _begin: what is wrong with a task then comes back as its own error.
     global _evaluator
     if _evaluator is None:
         with _without_greeting():
-            _evaluator = Evaluator(task_name, shape, seed)
+            _evaluator = Evaluator(world, shape, seed)
     return _evaluator.evaluate(job)
 
 
 def evaluated(
-    jobs: Sequence[Job], task_name: str, shape: MlpShape, seed: int, processes: int
-) -> Generator[list[Outcome], None, None]:
+    jobs: Sequence[Job], world: SimulatedWorld, shape: MlpShape, seed: int, processes: int
+) -> Generator[list[RepeatOutcome], None, None]:
     """Carry out jobs in several processes; yields the outcomes of each as soon as it is done.
 
     The outcomes do not depend on the number of processes.
 
     Args:
         jobs: What to do.
-        task_name: Task, as `make_task` takes it.
+        world: What they are simulated in.
         shape: Layers of the controllers.
         seed: Seed of the run.
         processes: How many, at least 1.
@@ -116,7 +120,7 @@ def evaluated(
     """
     with _setting(THREADS, "1"):
         pool = ProcessPoolExecutor(processes, multiprocessing.get_context("spawn"), _begin)
-        calls = (partial(_evaluate, job, task_name, shape, seed) for job in jobs)
+        calls = (partial(_evaluate, job, world, shape, seed) for job in jobs)
         try:
             yield from _results(pool, calls, 2 * processes)
         except BrokenProcessPool:
@@ -129,10 +133,10 @@ def evaluated(
 
 
 def _results(
-    pool: ProcessPoolExecutor, calls: Iterator[Callable[[], list[Outcome]]], ahead: int
-) -> Iterator[list[Outcome]]:
+    pool: ProcessPoolExecutor, calls: Iterator[Callable[[], list[RepeatOutcome]]], ahead: int
+) -> Iterator[list[RepeatOutcome]]:
     """Yield results with so many calls under way; more would only wait in memory."""
-    running: set[Future[list[Outcome]]] = {pool.submit(call) for call in islice(calls, ahead)}
+    running: set[Future[list[RepeatOutcome]]] = {pool.submit(call) for call in islice(calls, ahead)}
     while running:
         done, running = wait(running, return_when=FIRST_COMPLETED)
         running |= {pool.submit(call) for call in islice(calls, len(done))}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 import os
 import sys
 from collections.abc import Sequence
@@ -10,7 +11,8 @@ from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as in evaluators
 
-from pga_me_ros.core.storage.stored_run import StoredRun
+from pga_me_ros.core.archive.choosing import Demands, Judging
+from pga_me_ros.core.storage.stored_run import StoredBehavior, StoredRun
 from pga_me_ros.errors import RequestError, StorageError
 from pga_me_ros.player.gait import Gait
 from pga_me_ros.player.promise import kept
@@ -24,6 +26,7 @@ from pga_me_ros.render.behavior_gif import (
 )
 from pga_me_ros.tasks.protocol import Task
 from pga_me_ros.tasks.registry import make_task
+from pga_me_ros.tasks.rollout import Episode
 
 COLUMNS = 8
 
@@ -60,7 +63,7 @@ def render(asked: argparse.Namespace) -> Path:
         raise RequestError(f"--out is '{out}'; give the name of a file that ends in {ending}.")
     if not out.absolute().parent.is_dir():
         raise StorageError(f"There is no folder '{out.absolute().parent}'; make it first.")
-    task = make_task(run.settings.task)
+    task = make_task(run.settings.task, run.settings.randomization)
     try:
         if asked.sheet:
             _draw_sheet(asked, run, task, out)
@@ -77,29 +80,41 @@ def _draw_animation(asked: argparse.Namespace, run: StoredRun, task: Task, out: 
         cell=asked.cell,
         random=asked.random,
         min_fitness=asked.min_fitness,
+        max_fall_share=asked.max_fall_share,
+        single=asked.single,
     )
-    options = GifOptions(asked.start, asked.seconds, asked.speed, asked.fps, tuple(asked.size))
+    size = tuple(asked.size)
+    options = GifOptions(asked.start, asked.seconds, asked.speed, asked.fps, size, asked.seed)
     episode = draw_gif(task, run.settings, gait, out, options)
-    print(f"cell {gait.cell}: {kept(gait, episode)}", file=sys.stderr)
+    _tell(gait, episode, asked.seed)
 
 
 def _draw_sheet(asked: argparse.Namespace, run: StoredRun, task: Task, out: Path) -> None:
     from pga_me_ros.render.contact_sheet import Row, contact_sheet, spread_cells
 
-    choices = run.choices(asked.min_fitness)
-    cells = spread_cells(run.archive, choices.cells(), asked.sheet)
-    gaits = [run.behavior(cell) for cell in cells]
-    rows = [Row(gait, _recorded(run, task, gait)) for gait in gaits]
+    demands = Demands(
+        Judging.of(single=asked.single),
+        -math.inf if asked.min_fitness is None else asked.min_fitness,
+        math.inf if asked.max_fall_share is None else asked.max_fall_share,
+    )
+    choices = run.choices(demands)
+    cells = spread_cells(choices.elites, choices.cells(), asked.sheet)
+    gaits = [StoredBehavior.chosen(choices, cell, run.shape) for cell in cells]
+    rows = [Row(gait, _recorded(run, task, gait, asked.seed)) for gait in gaits]
     names = ", ".join(run.spec.descriptor_names)
     title = f"{run.spec.name}: {len(rows)} of {len(run.archive)} gaits, described by [{names}]"
     contact_sheet(title, rows, asked.columns, task.spec.control_period).save(out, optimize=True)
 
 
-def _recorded(run: StoredRun, task: Task, gait: Gait) -> Recording:
-    """Repeat a gait's evaluation, and print whether the result was the same."""
-    recording = evaluated_again(task, run.settings, gait, 1)
-    print(f"cell {gait.cell}: {kept(gait, recording.episode)}", file=sys.stderr)
+def _recorded(run: StoredRun, task: Task, gait: Gait, seed: int | None) -> Recording:
+    """Run a gait's evaluation again, or another episode of it, and say how the result compares."""
+    recording = evaluated_again(task, run.settings, gait, 1, seed)
+    _tell(gait, recording.episode, seed)
     return recording
+
+
+def _tell(gait: Gait, episode: Episode, seed: int | None) -> None:
+    print(f"cell {gait.cell}: {kept(gait, episode, fresh=seed is not None)}", file=sys.stderr)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -114,6 +129,23 @@ def _parser() -> argparse.ArgumentParser:
         "--sheet", type=_at_least_one, metavar="N", help="draw N gaits that differ, in one PNG"
     )
     parser.add_argument("--min-fitness", type=float, help="only gaits of this fitness or more")
+    parser.add_argument(
+        "--max-fall-share",
+        type=float,
+        metavar="SHARE",
+        help="only gaits of whose re-evaluations at most this share ended in a fall",
+    )
+    parser.add_argument(
+        "--single",
+        action="store_true",
+        help="choose by the single evaluation that gaits were found with, not by the means of their re-evaluations",
+    )
+    parser.add_argument(
+        "--seed",
+        type=_not_negative,
+        metavar="N",
+        help="begin in another initial pose, drawn from this seed, not in that of the gait's evaluation",
+    )
     parser.add_argument("--out", type=Path, help="file to write; a GIF, or a PNG with --sheet")
     parser.add_argument("--start", type=float, default=0.0, help="seconds to leave out (GIF)")
     parser.add_argument("--seconds", type=_positive, default=10.0, help="seconds to show (GIF)")
@@ -132,6 +164,13 @@ def _at_least_one(word: str) -> int:
     number = int(word)
     if number < 1:
         raise argparse.ArgumentTypeError(f"'{word}' is not 1 or more")
+    return number
+
+
+def _not_negative(word: str) -> int:
+    number = int(word)
+    if number < 0:
+        raise argparse.ArgumentTypeError(f"'{word}' is not 0 or more")
     return number
 
 

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 
+import numpy as np
+
 from pga_me_ros.core.evaluation import as_evaluated, evaluation_rng
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.errors import PgaError, RequestError
@@ -25,6 +27,7 @@ class GifOptions:
         speed: 1 for real time.
         fps: Pictures per simulated second.
         size: Width and height, pixels.
+        seed: Seed of another initial pose to begin in; None repeats the evaluation that the behavior was found with.
     """
 
     start: float = 0.0
@@ -32,6 +35,7 @@ class GifOptions:
     speed: float = 1.0
     fps: float = 20.0
     size: tuple[int, int] = (360, 270)
+    seed: int | None = None
 
 
 def require_pillow() -> None:
@@ -44,24 +48,29 @@ def require_pillow() -> None:
         raise PgaError("Pictures need Pillow, which is not installed: pip install pillow.")
 
 
-def evaluated_again(task: Task, settings: Settings, gait: Gait, every: int) -> Recording:
-    """Run a behavior from the initial pose of its evaluation, and keep the states of the robot.
+def evaluated_again(
+    task: Task, settings: Settings, gait: Gait, every: int, seed: int | None = None
+) -> Recording:
+    """Run a behavior from the very start of its evaluation, and keep the states of the robot.
 
     Args:
         task: The task of its run.
         settings: Settings of its run.
         gait: The behavior.
         every: Steps between two states.
+        seed: Seed of another initial pose, None for that of the evaluation.
 
     Raises:
         TaskError: The task has no `body`, or its robot cannot be shown.
     """
+    if seed is not None:
+        return record(task, gait.controller, np.random.default_rng(seed), every)
     act = as_evaluated(settings, gait.controller, gait.evaluation)
     return record(task, act, evaluation_rng(settings.seed, gait.evaluation), every)
 
 
 def draw_gif(task: Task, settings: Settings, gait: Gait, out: Path, options: GifOptions) -> Episode:
-    """Repeat a behavior's evaluation and draw it.
+    """Run a behavior's evaluation again, or another episode of it, and draw it.
 
     Args:
         task: The task of its run.
@@ -83,7 +92,8 @@ def draw_gif(task: Task, settings: Settings, gait: Gait, out: Path, options: Gif
     from pga_me_ros.render.animation import animation, save_gif
 
     period = task.spec.control_period
-    whole = evaluated_again(task, settings, gait, max(1, round(1.0 / (options.fps * period))))
+    every = max(1, round(1.0 / (options.fps * period)))
+    whole = evaluated_again(task, settings, gait, every, options.seed)
     times = [step * period for step in whole.steps]
     end = options.start + options.seconds
     shown = [k for k, time in enumerate(times) if options.start <= time < end]

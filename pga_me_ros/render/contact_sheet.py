@@ -8,13 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 from PIL import Image
 
-from pga_me_ros.arrays import Float64Array, Int64Array
-from pga_me_ros.core.archive.archive import Archive
+from pga_me_ros.core.archive.spread import spread_cells
 from pga_me_ros.player.camera import Camera
 from pga_me_ros.player.gait import Gait
 from pga_me_ros.player.watched_rollout import Recording
 from pga_me_ros.render.labels import PAPER, described, write
 from pga_me_ros.render.scene import Scene
+
+__all__ = ["Row", "contact_sheet", "spread_cells"]
 
 LABEL = 150
 """Width of the column of text, pixels."""
@@ -34,32 +35,6 @@ class Row:
 
     gait: Gait
     recording: Recording
-
-
-def spread_cells(archive: Archive, cells: Int64Array, count: int) -> list[int]:
-    """Return cells whose elites lie far from each other, in the order of their descriptors.
-
-    The first one chosen is the fittest; each further one has the largest distance to those before, in units of the
-    descriptor space's edges.
-
-    Args:
-        archive: The archive.
-        cells: Filled cells to choose from, at least one.
-        count: Maximum number of cells to return.
-    """
-    points = (archive.descriptors[cells] - archive.low) / (archive.high - archive.low)
-    chosen = [int(np.argmax(archive.fitness[cells]))]
-    apart = _distances(points, chosen[0])
-    while len(chosen) < min(count, len(cells)) and apart.max() > 0.0:
-        chosen.append(int(np.argmax(apart)))
-        apart = np.minimum(apart, _distances(points, chosen[-1]))
-    order = sorted(chosen, key=lambda k: tuple(points[k]))
-    return [int(cells[k]) for k in order]
-
-
-def _distances(points: Float64Array, k: int) -> Float64Array:
-    distances: Float64Array = np.linalg.norm(points - points[k], axis=1)
-    return distances
 
 
 def contact_sheet(

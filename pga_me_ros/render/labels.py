@@ -15,9 +15,12 @@ LINE = 1.35
 
 
 def described(gait: Gait) -> list[str]:
-    """Return what a gait promises, in two lines."""
-    numbers = ", ".join(f"{x:.2f}" for x in gait.descriptor)
-    return [f"[{numbers}]", f"fitness {gait.fitness:.0f}"]
+    """Return what a gait promises, in two lines, and a third one where it is what it did on average."""
+    numbers = ", ".join(f"{x:.2f}" for x in gait.promised_descriptor)
+    lines = [f"[{numbers}]", f"fitness {gait.promised_fitness:.0f}"]
+    if gait.by_mean:
+        lines.append(f"mean of {gait.repeats}, {100.0 * gait.fall_share:.0f} % fall")
+    return lines
 
 
 def write(image: Image.Image, place: tuple[float, float], lines: list[str], size: int) -> None:

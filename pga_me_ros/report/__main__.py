@@ -8,40 +8,130 @@ from __future__ import annotations
 import argparse
 import sys
 from collections import defaultdict
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
+from pga_me_ros.core.archive.corrected import complete_metrics
 from pga_me_ros.core.storage.stored_run import StoredRun
 from pga_me_ros.errors import RequestError
 from pga_me_ros.process.program import run_program
 from pga_me_ros.report.compared_run import ComparedRun
 from pga_me_ros.report.comparison import Comparison, compare, compare_experiment, is_experiment
 from pga_me_ros.report.comparison_table import comparison_table
+from pga_me_ros.report.paper import TASKS, published_at
+
+COLUMNS = {
+    "evaluations": "{:,.0f}",
+    "coverage": "{:,.0f}",
+    "QD-score": "{:,.0f}",
+    "best fitness": "{:,.0f}",
+}
+"""Columns of numbers of the table, and how they are written."""
+
+CORRECTED = {
+    "re-evaluations": "{:,.0f}",
+    "corrected coverage": "{:,.0f}",
+    "corrected QD-score": "{:,.0f}",
+    "best mean fitness": "{:,.0f}",
+    "fitness difference": "{:,.0f}",
+    "descriptor error": "{:.3f}",
+    "falls": "{:.1%}",
+}
+"""Further columns where elites were evaluated again."""
+
+CORRECTED_NOTE = (
+    "Corrected: all elites evaluated again from other initial poses, at least so many times each, and put into an "
+    "empty archive by their means (Flageat & Cully 2023). Fitness difference and descriptor error: from the evaluation "
+    "that elites were found with to these means, averaged over the elites. Falls: share of these evaluations."
+)
 
 
-def table(runs: list[StoredRun]) -> str:
-    """Return the final metrics of runs as a Markdown table, medians last where a task has several."""
-    lines = [
-        "| task | seed | evaluations | coverage | QD-score | best fitness |",
-        "|---|---|---|---|---|---|",
-    ]
+def table(runs: list[StoredRun], *, paper: bool = False) -> str:
+    """Return the final metrics of runs as a Markdown table, medians last where a task has several.
+
+    With `paper`, a task's last rows are the authors' medians at the last published number of evaluations that all of
+    its runs have reached.
+
+    Corrected measures are there for runs whose elites were all evaluated again; they count the mean of an elite's
+    re-evaluations, where the columns before them count the single evaluation that it was found with.
+    """
+    again = any(run.corrected for run in runs)
+    formats = COLUMNS | CORRECTED if again else COLUMNS
+    heads = ["task", "seed", *formats]
+    lines = [f"| {' | '.join(heads)} |", "|" + "---|" * len(heads)]
     by_task: dict[str, list[StoredRun]] = defaultdict(list)
     for run in runs:
         by_task[run.spec.name].append(run)
     for task, group in by_task.items():
-        rows = []
-        for run in group:
-            last = run.metrics[-1]
-            rows.append((last.evaluations, last.coverage, last.qd_score, last.max_fitness))
-            lines.append(_line(task, str(run.settings.seed), rows[-1]))
+        rows = np.array([_numbers(run)[: len(formats)] for run in group])
+        for run, row in zip(group, rows, strict=True):
+            lines.append(_line(task, str(run.settings.seed), row, formats))
         if len(rows) > 1:
-            lines.append(_line(task, "median", tuple(np.median(rows, axis=0))))
-    return "\n".join(lines)
+            known = [column[~np.isnan(column)] for column in rows.T]
+            medians = [np.median(column) if len(column) else np.nan for column in known]
+            lines.append(_line(task, "median", medians, formats))
+        if paper:
+            lines += _published(task, group, formats)
+    return "\n".join([*lines, "", CORRECTED_NOTE] if again else lines)
 
 
-def _line(task: str, seed: str, row: tuple[float, ...]) -> str:
-    return f"| {task} | {seed} | " + " | ".join(f"{value:,.0f}" for value in row) + " |"
+def elsewhere(runs: Sequence[StoredRun]) -> Iterator[str]:
+    """Yield a Markdown table of what elites are worth where other things are randomized than in their run."""
+    heads = [
+        "task",
+        "seed",
+        "randomized",
+        "re-evaluations",
+        "corrected coverage",
+        "corrected QD-score",
+    ]
+    heads += ["best mean fitness", "falls"]
+    begun = False
+    for run in runs:
+        for rows in run.elsewhere:
+            m = complete_metrics(run.archive, rows.statistics(run.archive))
+            if m is None:
+                continue
+            if not begun:
+                yield from ("", f"| {' | '.join(heads)} |", "|" + "---|" * len(heads))
+            begun = True
+            numbers = f"{m.repeats} | {m.coverage:,} | {m.qd_score:,.0f} | {m.max_fitness:,.0f} | {m.fall_share:.1%}"
+            what = rows.elsewhere or "nothing"
+            yield f"| {run.spec.name} | {run.settings.seed} | {what} | {numbers} |"
+
+
+def _published(task: str, group: Sequence[StoredRun], formats: Mapping[str, str]) -> Iterator[str]:
+    """Yield the authors' medians on a task, a line for each of the algorithms of its runs."""
+    reached = min(run.metrics[-1].evaluations for run in group)
+    for algorithm in dict.fromkeys(run.settings.algorithm for run in group):
+        at, medians = published_at(task, algorithm, reached)
+        if medians:
+            row = [
+                at,
+                *(medians.get(name, np.nan) for name in ("coverage", "qd_score", "max_fitness")),
+            ]
+            unknown = [np.nan] * (len(formats) - len(row))
+            yield _line(task, f"authors' {algorithm}", [*row, *unknown], formats)
+
+
+def _numbers(run: StoredRun) -> list[float]:
+    """Return a run's numbers in the order of the columns, NaN where one is not known."""
+    last, m = run.metrics[-1], run.corrected
+    numbers = [last.evaluations, last.coverage, last.qd_score, last.max_fitness]
+    if m is None:
+        return [*numbers, *[np.nan] * len(CORRECTED)]
+    numbers += [m.repeats, m.coverage, m.qd_score, m.max_fitness]
+    return [*numbers, m.fitness_difference, m.descriptor_error, m.fall_share]
+
+
+def _line(task: str, seed: str, row: Iterable[float], formats: Mapping[str, str]) -> str:
+    values = [
+        "-" if np.isnan(value) else how.format(value)
+        for value, how in zip(row, formats.values(), strict=True)
+    ]
+    return f"| {task} | {seed} | {' | '.join(values)} |"
 
 
 def main() -> int:
@@ -61,6 +151,16 @@ def main() -> int:
     parser.add_argument(
         "--out", type=Path, default=Path("report"), help="folder for the pictures (report)"
     )
+    parser.add_argument(
+        "--paper",
+        action="store_true",
+        help="add the medians that the authors of PGA-MAP-Elites published, to the curves and to the table",
+    )
+    parser.add_argument(
+        "--single",
+        action="store_true",
+        help="draw archives by the single evaluation that elites were found with, also where they were evaluated again",
+    )
     arguments = parser.parse_args()
 
     def work() -> None:
@@ -70,16 +170,21 @@ def main() -> int:
             table_file = arguments.out / "comparison.md"
             print(comparison_table(comparison))
             table_file.write_text(comparison_table(comparison) + "\n")
-            for file in [table_file, *draw_comparison(comparison, arguments.out)]:
+            _require_published((task.task for task in comparison.tasks), asked=arguments.paper)
+            drawn = draw_comparison(comparison, arguments.out, paper=arguments.paper)
+            for file in [table_file, *drawn]:
                 print(file)
             return
         runs = [StoredRun.load(path) for path in arguments.runs]
         for run in runs:
             if run.archive.note:
                 print(f"note: '{run.name}': {run.archive.note}", file=sys.stderr)
+        _require_published((run.spec.name for run in runs), asked=arguments.paper)
         arguments.out.mkdir(parents=True, exist_ok=True)
-        print(table(runs))
-        for file in draw(runs, arguments.out):
+        print(table(runs, paper=arguments.paper))
+        for line in elsewhere(runs):
+            print(line)
+        for file in draw(runs, arguments.out, single=arguments.single, paper=arguments.paper):
             print(file)
 
     return run_program(work)
@@ -102,24 +207,53 @@ def compared(paths: list[Path], *, asked: bool) -> Comparison | None:
     return compare([ComparedRun.load(path) for path in paths]) if asked else None
 
 
-def draw_comparison(comparison: Comparison, folder: Path) -> list[Path]:
-    """Draw Figure 3 and Figure 4 of the paper; returns the files."""
+def _require_published(tasks: Iterable[str], *, asked: bool) -> None:
+    """Say on which tasks there are no published medians.
+
+    Raises:
+        RequestError: There are none at all.
+    """
+    tasks = list(dict.fromkeys(tasks))
+    unknown = [task for task in tasks if task not in TASKS]
+    if not asked or not unknown:
+        return
+    if len(unknown) == len(tasks):
+        raise RequestError(
+            f"--paper: the authors published nothing on {', '.join(unknown)}; leave it out. They did on "
+            f"{', '.join(TASKS)}."
+        )
+    print(f"note: the authors published nothing on {', '.join(unknown)}", file=sys.stderr)
+
+
+def draw_comparison(comparison: Comparison, folder: Path, *, paper: bool = False) -> list[Path]:
+    """Draw Figure 3 and Figure 4 of the paper, with the authors' medians if they are asked for; returns the files."""
     from pga_me_ros.report.comparison_pictures import draw_archives_compared, draw_curves_compared
 
-    return draw_curves_compared(comparison, folder) + draw_archives_compared(comparison, folder)
+    curves = draw_curves_compared(comparison, folder, paper=paper)
+    return curves + draw_archives_compared(comparison, folder)
 
 
-def draw(runs: list[StoredRun], folder: Path) -> list[Path]:
-    """Draw an archive and a lineage per run, and learning curves per task; returns the files."""
+def draw(
+    runs: list[StoredRun], folder: Path, *, single: bool = False, paper: bool = False
+) -> list[Path]:
+    """Draw an archive and a lineage per run, and learning curves per task; returns the files.
+
+    Args:
+        runs: The runs.
+        folder: Where to.
+        single: Whether archives are drawn by single evaluations though means are known.
+        paper: Whether the authors' medians are drawn under the curves.
+    """
     # matplotlib takes a second to import: errors in what was asked for come first.
     from pga_me_ros.report.lineage import draw_lineage
     from pga_me_ros.report.pictures import draw_archive, draw_curves
 
     files = []
     for run in runs:
-        files += draw_archive(run, folder) + draw_lineage(run, folder)
+        files += draw_archive(run, folder, single=single) + draw_lineage(run, folder)
     for task in dict.fromkeys(run.spec.name for run in runs):
-        files += draw_curves([run for run in runs if run.spec.name == task], folder)
+        group = [run for run in runs if run.spec.name == task]
+        files += draw_curves(group, folder, paper=paper and task in TASKS)
     return files
 
 

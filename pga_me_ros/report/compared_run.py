@@ -18,22 +18,36 @@ from pga_me_ros.tasks.spec import TaskSpec
 Curve = Float64Array
 
 
+def _corrected_curves(run: StoredRun) -> dict[str, Curve]:
+    """Return measures by re-evaluations, NaN but for the generations whose archive was measured."""
+    sources = {"qd_score": "corrected_qd_score", "coverage": "corrected_coverage"}
+    sources |= {"fall_share": "fall_share"}
+    curves = {name: np.full(len(run.generations), np.nan) for name in sources.values()}
+    for measured in run.reevaluations.measured:
+        for source, name in sources.items():
+            if measured.generation < len(run.generations):
+                curves[name][measured.generation] = getattr(measured.corrected, source)
+    return curves
+
+
 @dataclass(frozen=True)
 class ComparedRun:
     """A run without its archive: of hundreds, not all fit into memory.
 
     Attributes:
         system: Name of the system.
+        algorithm: The run's algorithm.
         spec: Task.
         seed: Seed of the run.
         file: Its repertoire file.
         evaluations: (generations,) float64 evaluations after each generation.
         lowest_fitness: Lowest fitness of an elite in any of its generations.
-        curves: (generations,) float64 each: qd_score (without offset), coverage, max_fitness and fitness_difference,
-            the latter NaN where it is not known.
+        curves: (generations,) float64 each: qd_score (without offset), coverage, max_fitness, fitness_difference,
+            corrected_qd_score (without offset), corrected_coverage and fall_share; NaN where one is not known.
     """
 
     system: str
+    algorithm: str
     spec: TaskSpec
     seed: int
     file: Path
@@ -64,12 +78,13 @@ class ComparedRun:
         differences = fitness_differences(metrics, run.reevaluations)
         return cls(
             system=system or run.settings.algorithm,
+            algorithm=run.settings.algorithm,
             spec=run.spec,
             seed=run.settings.seed,
             file=run.file,
             evaluations=run.curve("evaluations"),
             lowest_fitness=float(np.nanmin(lowest)),
-            curves={**curves, "fitness_difference": differences},
+            curves={**curves, "fitness_difference": differences, **_corrected_curves(run)},
         )
 
     def load_archive(self) -> Archive:
@@ -92,7 +107,7 @@ class ComparedRun:
             (n,) float64.
         """
         values = self.curves[metric]
-        if metric == "qd_score":
-            values = values - offset * self.curves["coverage"]
+        if metric.endswith("qd_score"):
+            values = values - offset * self.curves[metric.replace("qd_score", "coverage")]
         places = np.searchsorted(self.evaluations, evaluations, side="right") - 1
         return values[np.maximum(places, 0)]

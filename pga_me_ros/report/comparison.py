@@ -24,6 +24,13 @@ METRICS = {
 }
 """Metrics of section 4.4 in the order of Figure 3 (Nilsson & Cully 2021), and what they are called."""
 
+CORRECTED = {
+    "corrected_qd_score": "corrected QD-score",
+    "corrected_coverage": "corrected coverage",
+    "fall_share": "falls",
+}
+"""Measures by re-evaluations of the elites of the last generation (Flageat & Cully 2023), and what they are called."""
+
 PERMUTATIONS = 20_000
 """Ways to deal out the values of two samples that are all gone through; of more, the normal approximation is good."""
 
@@ -79,6 +86,17 @@ class Comparison:
     tasks: list[TaskComparison]
     reference: str
     missing: list[str]
+
+    @property
+    def metrics(self) -> dict[str, str]:
+        """The metrics that are known of any run, and what they are called."""
+        known = any(
+            len(task.final(system, metric))
+            for task in self.tasks
+            for system in task.systems
+            for metric in CORRECTED
+        )
+        return METRICS | CORRECTED if known else METRICS
 
 
 def compare(

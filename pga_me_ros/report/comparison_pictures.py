@@ -14,7 +14,8 @@ from matplotlib.typing import LineStyleType
 
 from pga_me_ros.core.archive.heatmap import ANCHORS, draw_heatmap
 from pga_me_ros.report.comparison import METRICS, Comparison, TaskComparison
-from pga_me_ros.report.pictures import label_axes, save
+from pga_me_ros.report.paper import LABEL
+from pga_me_ros.report.pictures import PAPER_COLOR, draw_paper, label_axes, save
 
 LOOKS: tuple[tuple[str, LineStyleType], ...] = (
     ("#0072b2", "-"),
@@ -30,8 +31,16 @@ LOOKS: tuple[tuple[str, LineStyleType], ...] = (
 PIXELS = 480
 
 
-def draw_curves_compared(comparison: Comparison, folder: Path) -> list[Path]:
-    """Draw four metrics on every task: median and quartiles of each system's runs; returns the files."""
+def draw_curves_compared(
+    comparison: Comparison, folder: Path, *, paper: bool = False
+) -> list[Path]:
+    """Draw four metrics on every task: median and quartiles of each system's runs; returns the files.
+
+    Args:
+        comparison: What is compared.
+        folder: Where to.
+        paper: Whether to draw the authors' published medians of the systems' algorithms under them.
+    """
     tasks = comparison.tasks
     size = (max(4.8, 3.2 * len(tasks)), 2.3 * len(METRICS))
     figure = Figure(figsize=size, layout="constrained")
@@ -41,6 +50,12 @@ def draw_curves_compared(comparison: Comparison, folder: Path) -> list[Path]:
     for row, (metric, label) in zip(grid, METRICS.items(), strict=True):
         for axes, task in zip(row, tasks, strict=True):
             _draw_metric(axes, task, metric, looks)
+            for system, runs in task.systems.items() if paper else ():
+                color, last = looks[system][0], task.evaluations
+                algorithm = runs[0].algorithm
+                draw_paper(
+                    axes, task.task, algorithm, metric, last, offset=task.offset, color=color
+                )
         row[0].set_ylabel(label)
     for axes, task in zip(grid[0], tasks, strict=True):
         axes.set_title(task.task, fontsize=10)
@@ -50,6 +65,12 @@ def draw_curves_compared(comparison: Comparison, folder: Path) -> list[Path]:
         mpl.lines.Line2D([], [], color=color, linestyle=line, label=system)
         for system, (color, line) in looks.items()
     ]
+    if paper:
+        handles.append(
+            mpl.lines.Line2D(
+                [], [], color=PAPER_COLOR, linestyle="--", linewidth=1, marker="o", label=LABEL
+            )
+        )
     figure.legend(handles=handles, loc="outside lower center", ncols=min(3, len(handles)))
     return save(figure, folder / "comparison-curves")
 

@@ -11,8 +11,10 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap, Normalize
 from matplotlib.figure import Figure
 
+from pga_me_ros.core.archive.corrected import corrected_archive
 from pga_me_ros.core.archive.heatmap import ANCHORS, draw_heatmap
 from pga_me_ros.core.storage.stored_run import StoredRun
+from pga_me_ros.report.paper import LABEL, SYSTEMS, paper_curve
 
 CURVES = (
     ("qd_score", "QD-score (sum of fitness)"),
@@ -21,18 +23,23 @@ CURVES = (
 )
 FORMATS = ("png", "svg")
 COLOR = "#28708c"
+PAPER_COLOR = "#707070"
 PIXELS = 960
 
 mpl.use("Agg")
 mpl.rcParams["svg.hashsalt"] = "pga_me_ros"  # the same run gives the same file
 
 
-def draw_archive(run: StoredRun, folder: Path) -> list[Path]:
+def draw_archive(run: StoredRun, folder: Path, *, single: bool = False) -> list[Path]:
     """Draw the archive of a run as a heatmap of fitness.
+
+    Where all elites were evaluated again it is the corrected archive, with the means of these evaluations; the title
+    says so.
 
     Args:
         run: The run.
         folder: Where to.
+        single: Whether to draw each elite as the single evaluation tells it that it was found with.
 
     Returns:
         The files.
@@ -43,30 +50,36 @@ def draw_archive(run: StoredRun, folder: Path) -> list[Path]:
     axes = figure.add_subplot()
     low, high = run.archive.low, run.archive.high
     extent = (low[0], high[0], *((low[1], high[1]) if len(low) > 1 else (0.0, 1.0)))
+    again = None if single else run.corrected
+    archive = corrected_archive(run.archive, run.statistics) if again else run.archive
     axes.imshow(
-        draw_heatmap(run.archive, PIXELS), extent=extent, aspect="auto", interpolation="nearest"
+        draw_heatmap(archive, PIXELS), extent=extent, aspect="auto", interpolation="nearest"
     )
     label_axes(axes, run.spec.descriptor_names)
-    last = run.metrics[-1]
-    axes.set_title(
-        f"{run.spec.name}: {last.coverage} of {run.archive.cells} cells after "
-        f"{last.evaluations:,} evaluations",
-        fontsize=10,
+    title = (
+        f"{run.spec.name}: {archive.coverage} of {archive.cells} cells after "
+        f"{run.metrics[-1].evaluations:,} evaluations"
     )
-    fitness = run.archive.fitness[run.archive.filled]
+    if again:
+        title += f"\ncorrected by the means of {again.repeats} re-evaluations"
+    axes.set_title(title, fontsize=10)
+    fitness = archive.fitness[archive.filled]
     colors = LinearSegmentedColormap.from_list("fitness", np.array(ANCHORS) / 255.0)
     least, most = (fitness.min(), fitness.max()) if len(fitness) else (0.0, 1.0)
     scale = mpl.cm.ScalarMappable(Normalize(least, most), colors)
-    figure.colorbar(scale, ax=axes, label="fitness (sum of rewards)")
+    label = "mean fitness (sum of rewards)" if again else "fitness (sum of rewards)"
+    figure.colorbar(scale, ax=axes, label=label)
     return save(figure, folder / f"{run.name}-archive")
 
 
-def draw_curves(runs: Sequence[StoredRun], folder: Path) -> list[Path]:
+def draw_curves(runs: Sequence[StoredRun], folder: Path, *, paper: bool = False) -> list[Path]:
     """Draw learning curves of runs of one task: the median, and the quartiles if there are several.
 
     Args:
         runs: The runs; what counts is as far as the shortest of them goes.
         folder: Where to.
+        paper: Whether to draw the authors' published medians under them: those of the runs' algorithm, if they are all
+            of one, else of PGA-MAP-Elites.
 
     Returns:
         The files.
@@ -80,13 +93,62 @@ def draw_curves(runs: Sequence[StoredRun], folder: Path) -> list[Path]:
         axes.plot(evaluations, median, color=COLOR)
         if len(runs) > 1:
             axes.fill_between(evaluations, first, third, color=COLOR, alpha=0.25, linewidth=0)
+        if paper:
+            draw_paper(axes, runs[0].spec.name, common_algorithm(runs), name, evaluations[-1])
         axes.set_xlabel("evaluations")
         axes.set_ylabel(label)
         axes.grid(alpha=0.3)
         axes.spines[["top", "right"]].set_visible(False)
     many = f", median and quartiles of {len(runs)} runs" if len(runs) > 1 else ""
-    figure.suptitle(f"{runs[0].spec.name}{many}", fontsize=10)
+    theirs = f"; dashed: {LABEL}, {SYSTEMS[common_algorithm(runs)]}" if paper else ""
+    figure.suptitle(f"{runs[0].spec.name}{many}{theirs}", fontsize=10)
     return save(figure, folder / f"{runs[0].spec.name}-curves")
+
+
+def common_algorithm(runs: Sequence[StoredRun]) -> str:
+    """Return the algorithm of all runs if it is one of those that were published, else PGA-MAP-Elites."""
+    algorithms = {run.settings.algorithm for run in runs}
+    (first, *others) = algorithms
+    return first if not others and first in SYSTEMS else "pga_map_elites"
+
+
+def draw_paper(
+    axes: Axes,
+    task: str,
+    algorithm: str,
+    metric: str,
+    last: float,
+    *,
+    offset: float = 0.0,
+    color: str = PAPER_COLOR,
+) -> None:
+    """Draw the authors' medians as far as one's own curves go, with the error of reading them off their figures.
+
+    Args:
+        axes: Where to.
+        task: Name of the task.
+        algorithm: Value of the setting `algorithm`.
+        metric: Metric of the curve.
+        last: Evaluations at the end of one's own curves.
+        offset: Fitness that QD-scores are measured from.
+        color: Color of the line.
+    """
+    curve = paper_curve(task, algorithm, metric, offset)
+    if curve is None:
+        return
+    curve = curve.until(last)
+    axes.plot(curve.evaluations, curve.median, color=color, linestyle="--", linewidth=1, zorder=1)
+    read = ~np.isnan(curve.plus_minus)
+    axes.errorbar(
+        curve.evaluations[read],
+        curve.median[read],
+        curve.plus_minus[read],
+        color=color,
+        fmt="o",
+        markersize=2.5,
+        linewidth=1,
+        zorder=1,
+    )
 
 
 def label_axes(axes: Axes, names: Sequence[str]) -> None:

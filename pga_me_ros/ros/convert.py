@@ -9,7 +9,7 @@ from __future__ import annotations
 import array
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import fields
 from itertools import chain
 from typing import Any
 
@@ -20,15 +20,16 @@ from pga_me_msgs.msg import Behavior, Controller, CriticSnapshot, Rates, Transit
 from pga_me_msgs.msg import Metrics as MetricsMsg
 from sensor_msgs.msg import Image
 
-from pga_me_ros.arrays import BoolArray, Float32Array, Float64Array, Int64Array
+from pga_me_ros.arrays import Float32Array
+from pga_me_ros.core.archive.corrected import CorrectedMetrics
 from pga_me_ros.core.archive.elites import Elite
 from pga_me_ros.core.archive.metrics import Metrics
+from pga_me_ros.core.archive.statistics import Statistics
 from pga_me_ros.core.networks.mlp import MlpShape
 from pga_me_ros.core.operators import Operator
 from pga_me_ros.core.settings import RATES, Settings
 from pga_me_ros.core.snapshot import Network, Snapshot
 from pga_me_ros.core.storage.npz import LAYOUT
-from pga_me_ros.core.storage.reevaluations import Statistics
 from pga_me_ros.core.storage.run_info import RunInfo
 from pga_me_ros.errors import RequestError, SettingsError
 from pga_me_ros.tasks.rollout import Episode
@@ -221,10 +222,26 @@ def _networks(msg: CriticSnapshot) -> dict[str, Network]:
     return networks
 
 
-def metrics_to_msg(metrics: Metrics | None, info: RunInfo, cells: int) -> MetricsMsg:
-    """Return metrics as a message without a stamp; None means an archive without generations."""
+def metrics_to_msg(
+    metrics: Metrics | None,
+    info: RunInfo,
+    cells: int,
+    corrected: CorrectedMetrics | None = None,
+) -> MetricsMsg:
+    """Return metrics as a message without a stamp.
+
+    Args:
+        metrics: Metrics of the last generation; None stands for an archive without generations.
+        info: Description of the run.
+        cells: Cells of the archive.
+        corrected: Measures of the archive by re-evaluations, None while they are not known.
+    """
     msg = MetricsMsg(run_id=info.run_id, task=info.task["name"], cells=cells, generation=-1)
     msg.max_fitness = msg.mean_fitness = math.nan
+    for f in fields(CorrectedMetrics):
+        if hasattr(msg, name := f"corrected_{f.name}"):
+            unknown = 0 if isinstance(getattr(msg, name), int) else math.nan
+            setattr(msg, name, getattr(corrected, f.name) if corrected else unknown)
     if metrics:
         msg.generation = metrics.generation
         msg.evaluations = metrics.evaluations
@@ -246,12 +263,15 @@ def image_to_msg(rgb: NDArray[np.uint8], stamp: Time) -> Image:
     return msg
 
 
-def behavior_to_msg(elite: Elite, known: Statistics | None = None) -> Behavior:
+def behavior_to_msg(
+    elite: Elite, known: Statistics | None = None, *, by_mean: bool = False
+) -> Behavior:
     """Return an elite as a message, without its controller.
 
     Args:
         elite: The elite.
-        known: Statistics of re-evaluations, None if there are none.
+        known: What re-evaluations say of it and others, None for nothing.
+        by_mean: Whether it was judged by their means.
     """
     parents = [p for p in (elite.parent1, elite.parent2) if p >= 0]
     msg = Behavior(
@@ -266,12 +286,15 @@ def behavior_to_msg(elite: Elite, known: Statistics | None = None) -> Behavior:
         terminated=bool(elite.terminated),
         mean_fitness=math.nan,
         fitness_spread=math.nan,
+        fall_share=math.nan,
+        by_mean=by_mean,
     )
     repeats = 0 if known is None else int(known.repeats[elite.cell])
     if known is not None and repeats:
         msg.repeats = repeats
         msg.mean_fitness = float(known.mean_fitness[elite.cell])
         msg.mean_descriptor = flat(known.mean_descriptor[elite.cell], "d")
+        msg.fall_share = float(known.fall_share[elite.cell])
         if repeats > 1:
             msg.fitness_spread = float(known.fitness_spread[elite.cell])
             msg.descriptor_spread = flat(known.descriptor_spread[elite.cell], "d")
@@ -291,36 +314,3 @@ def controller_to_msg(parameters: Float32Array, shape: MlpShape, spec: TaskSpec)
     msg.action_low = flat(spec.action_low, "d")
     msg.action_high = flat(spec.action_high, "d")
     return msg
-
-
-@dataclass(frozen=True)
-class EvaluatedChunk:
-    """Results of a chunk of evaluations.
-
-    Attributes:
-        fitness: (n,) float64.
-        descriptors: (n, descriptor_dim) float64.
-        steps: (n,) int64 lengths of the episodes [control steps].
-        terminated: (n,) bool.
-    """
-
-    fitness: Float64Array
-    descriptors: Float64Array
-    steps: Int64Array
-    terminated: BoolArray
-
-
-def evaluated_from_msg(msg: Any, n: int, descriptor_dim: int) -> EvaluatedChunk:
-    """Read fitness, descriptors, steps and terminated of n solutions from a request or response.
-
-    Raises:
-        RequestError: A field has the wrong length or holds NaN or infinity.
-    """
-    return EvaluatedChunk(
-        fitness=finite(shaped(msg.fitness, (n,), np.float64, "fitness"), "fitness"),
-        descriptors=finite(
-            shaped(msg.descriptors, (n, descriptor_dim), np.float64, "descriptors"), "descriptors"
-        ),
-        steps=shaped(msg.steps, (n,), np.int64, "steps"),
-        terminated=shaped(msg.terminated, (n,), np.bool_, "terminated"),
-    )

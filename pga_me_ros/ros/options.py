@@ -55,6 +55,14 @@ class RunOptions:
     min_evaluators: int = setting(
         1, "Evaluators that must be there before work starts.", low=1, high=1024, unit="processes"
     )
+    reevaluations: int = setting(
+        5,
+        "Evaluations of each elite from other initial poses once the budget is reached; 0 for none. They tell what a "
+        "behavior is worth on average, and count apart from the budget.",
+        low=0,
+        high=10_000,
+        unit="evaluations per elite",
+    )
     serve: bool = setting(
         True, "Whether to keep serving the finished repertoire until stopped, or to exit."
     )

@@ -5,7 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from pga_me_ros.core.archive.archive import Archive
-from pga_me_ros.core.storage.reevaluations import FILE, Reevaluations, Statistics
+from pga_me_ros.core.archive.corrected import CorrectedMetrics, complete_metrics
+from pga_me_ros.core.archive.statistics import Statistics
+from pga_me_ros.core.storage.reevaluations import FILE, Reevaluations
 from pga_me_ros.errors import StorageError
 
 
@@ -15,14 +17,18 @@ class KnownStatistics:
     Args:
         repertoire: The repertoire file; re-evaluations are next to it, if there are any.
         run_id: Its run.
+        dimensions: Its number of descriptor dimensions.
     """
 
-    def __init__(self, repertoire: Path, run_id: str) -> None:
+    def __init__(self, repertoire: Path, run_id: str, dimensions: int) -> None:
         self._repertoire = repertoire
         self._file = repertoire.with_name(FILE)
         self._run_id = run_id
+        self._dimensions = dimensions
+        self._signature: tuple[int, int, int] | None = None
+        self._read: Reevaluations | StorageError = Reevaluations.none(run_id, dimensions)
         self._state: tuple[object, ...] = ()
-        self._found: Statistics | StorageError | None = None
+        self._statistics: Statistics | None = None
 
     def of(self, archive: Archive, generation: int) -> Statistics:
         """Return the statistics of an archive's elites.
@@ -34,22 +40,48 @@ class KnownStatistics:
         Raises:
             StorageError: The file of re-evaluations is damaged, of another run or cannot be read.
         """
-        state = (self._signature(), generation, id(archive))
-        if state != self._state:
-            self._found, self._state = self._read(archive), state
-        if isinstance(self._found, StorageError):
-            raise self._found
-        assert self._found is not None
-        return self._found
+        rows = self._rows()
+        state = (self._signature, generation, id(archive))
+        if self._statistics is None or state != self._state:
+            self._statistics, self._state = rows.statistics(archive), state
+        return self._statistics
 
-    def _read(self, archive: Archive) -> Statistics | StorageError:
+    def measures(
+        self, archive: Archive, generation: int, *, growing: bool
+    ) -> CorrectedMetrics | None:
+        """Return what the archive is worth by re-evaluations of all of its elites, None while it is not known.
+
+        Args:
+            archive: The archive as it is now.
+            generation: Its last generation.
+            growing: Whether a run adds to it: then what is not stored as measured is not known, as it has changed
+                since.
+        """
         try:
-            rows = Reevaluations.load(self._repertoire, self._run_id, archive.dimensions)
-        except StorageError as error:
-            return error
-        return rows.statistics(archive)
+            stored = {m.generation: m.corrected for m in self._rows().measured}
+            if growing or generation in stored:
+                return stored.get(generation)
+            return complete_metrics(archive, self.of(archive, generation))
+        except StorageError:  # said by `of`, to those who ask for a behavior
+            return None
 
-    def _signature(self) -> tuple[int, int, int]:
+    def changed(self) -> bool:
+        """Whether the file of re-evaluations is another one than when it was last read."""
+        return self._signature is not None and self._signature != self._look()
+
+    def _rows(self) -> Reevaluations:
+        signature = self._look()
+        if signature != self._signature:
+            self._signature = signature
+            try:
+                self._read = Reevaluations.load(self._repertoire, self._run_id, self._dimensions)
+            except StorageError as error:
+                self._read = error
+        if isinstance(self._read, StorageError):
+            raise self._read
+        return self._read
+
+    def _look(self) -> tuple[int, int, int]:
         """Return what changes whenever the file is replaced; zeros while there is none."""
         try:
             found = self._file.stat()

@@ -3,23 +3,24 @@
 from __future__ import annotations
 
 import json
-import math
 from pathlib import Path
 
 import numpy as np
+from pga_me_msgs.msg import Behavior as BehaviorMsg
 from pga_me_msgs.msg import Metrics as MetricsMsg
 from pga_me_msgs.srv import GetBehavior, GetBehaviors, GetInfo, ListBehaviors
 
 from pga_me_ros.core.archive.archive import Archive
-from pga_me_ros.core.archive.choosing import Choices, NotFoundError
-from pga_me_ros.core.archive.elite_table import EliteTable
+from pga_me_ros.core.archive.choosing import Choices, Judging, NotFoundError
+from pga_me_ros.core.archive.corrected import CorrectedMetrics
+from pga_me_ros.core.archive.statistics import Statistics
 from pga_me_ros.core.networks.mlp import MlpShape
-from pga_me_ros.core.storage.reevaluations import Statistics
 from pga_me_ros.core.storage.run_info import RunInfo
 from pga_me_ros.errors import RequestError, StorageError
 from pga_me_ros.ros import names, qos
 from pga_me_ros.ros.convert import behavior_to_msg, controller_to_msg, flat
 from pga_me_ros.ros.graph_node import GraphNode
+from pga_me_ros.serving.asked_for import demands_of, farthest, require_one_way
 from pga_me_ros.serving.known_statistics import KnownStatistics
 from pga_me_ros.tasks.spec import TaskSpec
 
@@ -51,7 +52,7 @@ class RepertoireServices:
         self._node = node
         self._info = info
         self._growing = growing
-        self._known = KnownStatistics(path, info.run_id)
+        self._known = KnownStatistics(path, info.run_id, archive.dimensions)
         self._spec = TaskSpec.from_json(info.task)
         self._shape = MlpShape(tuple(info.layer_sizes))
         self.metrics = MetricsMsg()
@@ -63,16 +64,26 @@ class RepertoireServices:
         node.serve(ListBehaviors, names.LIST_BEHAVIORS, self._list, "ok", many)
         node.create_service(GetInfo, names.GET_INFO, self._get_info, qos_profile=many)
 
+    def measures(self, generation: int) -> CorrectedMetrics | None:
+        """Return what the archive after a generation is worth by re-evaluations, None while it is not known."""
+        return self._known.measures(self.archive, generation, growing=self._growing)
+
+    @property
+    def outdated(self) -> bool:
+        """Whether re-evaluations came in that `metrics` do not know of."""
+        return self._known.changed()
+
     def _get_behavior(self, request: GetBehavior.Request, response: GetBehavior.Response) -> None:
         try:
-            cell, distance = self._choose(request)
+            choices, cell, distance = self._choose(request)
         except NotFoundError as reason:  # an answer as good as any, no fault of the asker's
             response.found, response.message = False, str(reason)
             return
-        elite = self.archive.elite(cell)
-        response.behavior = behavior_to_msg(elite, self._statistics())
+        response.behavior = self._behavior(choices, cell)
         response.distance = distance
-        response.controller = controller_to_msg(elite.parameters, self._shape, self._spec)
+        if request.with_controller:
+            parameters = self.archive.parameters[cell]
+            response.controller = controller_to_msg(parameters, self._shape, self._spec)
         self._node.count_done()
 
     def _get_behaviors(
@@ -81,13 +92,12 @@ class RepertoireServices:
         if not 1 <= request.count <= MOST:
             raise RequestError(f"count is {request.count}; expected 1 to {MOST}.")
         try:
-            cells, distances = self._nearest(request, request.count)
+            choices = self._choices(request)
+            cells, distances = choices.nearest(request.descriptor, request.count, farthest(request))
         except NotFoundError as reason:
             response.message = str(reason)
             return
-        known = self._statistics()
-        elites = [self.archive.elite(cell) for cell in cells.tolist()]
-        response.behaviors = [behavior_to_msg(elite, known) for elite in elites]
+        response.behaviors = [self._behavior(choices, cell) for cell in cells.tolist()]
         response.distances = flat(distances, "d")
         if request.with_controllers:
             response.controller = controller_to_msg(
@@ -96,7 +106,12 @@ class RepertoireServices:
             response.parameters = flat(self.archive.parameters[cells], "f")
         self._node.count_done()
 
-    def _choose(self, request: GetBehavior.Request) -> tuple[int, float]:
+    def _behavior(self, choices: Choices, cell: int) -> BehaviorMsg:
+        return behavior_to_msg(
+            self.archive.elite(cell), choices.known, by_mean=choices.by_mean(cell)
+        )
+
+    def _choose(self, request: GetBehavior.Request) -> tuple[Choices, int, float]:
         """Return the cell that a request selects, and its elite's distance to the wanted descriptor.
 
         Raises:
@@ -104,20 +119,16 @@ class RepertoireServices:
             ArchiveError: Its descriptor or cell does not fit the archive.
             NotFoundError: No elite fits.
         """
-        if request.select == GetBehavior.Request.DESCRIPTOR:
-            cells, distances = self._nearest(request, 1)
-            return int(cells[0]), float(distances[0])
-        _check_distance(request)
+        way = require_one_way(request)
         choices = self._choices(request)
-        if request.select == GetBehavior.Request.CELL:
-            return choices.of_cell(request.cell), 0.0
-        if request.select == GetBehavior.Request.BEST:
-            return choices.fittest(), 0.0
-        if request.select == GetBehavior.Request.RANDOM:
-            return choices.any(self._any), 0.0
-        raise RequestError(
-            f"select is {request.select}; expected 0 (descriptor), 1 (cell), 2 (best) or 3 (random)."
-        )
+        if way == "descriptor":
+            cells, distances = choices.nearest(request.descriptor, 1, farthest(request))
+            return choices, int(cells[0]), float(distances[0])
+        if way == "cell":
+            return choices, choices.of_cell(request.cell), 0.0
+        if way == "best":
+            return choices, choices.fittest(), 0.0
+        return choices, choices.any(self._any), 0.0
 
     def _choices(
         self, request: GetBehavior.Request | GetBehaviors.Request | ListBehaviors.Request
@@ -125,34 +136,20 @@ class RepertoireServices:
         """Return the elites to choose from, judged as a request wants them.
 
         Raises:
-            RequestError: By their means, but the file of re-evaluations cannot be used; or a limit is NaN.
+            RequestError: It demands means or a share of falls, but the file of re-evaluations cannot be used; or a
+                limit makes no sense.
             NotFoundError: By their means, but none was re-evaluated.
         """
-        least = _least_fitness(request)
-        elites: EliteTable = self.archive
-        if request.by_mean:
-            try:
-                known = self._known.of(self.archive, self.metrics.generation)
-            except StorageError as error:
-                raise RequestError(f"by_mean cannot be answered: {error}") from None
-            elites = known.as_elites(self.archive)
-        return Choices(self.archive, elites, self._spec.descriptor_names, least)
-
-    def _statistics(self) -> Statistics | None:
-        """Return what re-evaluations say; what cannot be read must not keep a behavior from being served."""
+        demands = demands_of(request)
         try:
-            return self._known.of(self.archive, self.metrics.generation)
+            known = self._known.of(self.archive, self.metrics.generation)
         except StorageError as error:
+            if demands.judging is Judging.MEAN or demands.limits_falls:
+                raise RequestError(f"by_mean cannot be answered: {error}") from None
+            # What cannot be read must not keep a behavior from being served.
             self._node.get_logger().warning(str(error), once=True)
-            return None
-
-    def _nearest(
-        self, request: GetBehavior.Request | GetBehaviors.Request, count: int
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the cells nearest to the wanted descriptor, and the distances of their elites to it."""
-        _check_distance(request)
-        farthest = request.max_distance if request.max_distance >= 0.0 else math.inf
-        return self._choices(request).nearest(request.descriptor, count, farthest)
+            known = Statistics.none(self.archive.cells, self.archive.dimensions)
+        return Choices(self.archive, known, self._spec.descriptor_names, demands)
 
     def _list(self, request: ListBehaviors.Request, response: ListBehaviors.Response) -> None:
         if request.offset < 0 or not 1 <= request.limit <= PAGE:
@@ -162,17 +159,13 @@ class RepertoireServices:
             )
         try:
             choices = self._choices(request)
+            fittest_first = choices.fittest_first()
         except NotFoundError as reason:
             response.message = str(reason)
             return
-        fitness = choices.elites.fitness
-        cells = choices.elites.filled_cells()
-        cells = cells[fitness[cells] >= choices.min_fitness]
-        fittest_first = cells[np.argsort(-fitness[cells], kind="stable")]
         page = fittest_first[request.offset : request.offset + request.limit]
-        response.total = len(cells)
-        known = self._statistics()
-        response.behaviors = [behavior_to_msg(self.archive.elite(c), known) for c in page.tolist()]
+        response.total = len(fittest_first)
+        response.behaviors = [self._behavior(choices, cell) for cell in page.tolist()]
         self._node.count_done()
 
     def _get_info(self, _: GetInfo.Request, response: GetInfo.Response) -> GetInfo.Response:
@@ -187,18 +180,3 @@ class RepertoireServices:
         response.versions = json.dumps(dict(self._info.versions))
         response.growing = self._growing
         return response
-
-
-def _check_distance(request: GetBehavior.Request | GetBehaviors.Request) -> None:
-    if math.isnan(request.max_distance):
-        raise RequestError("max_distance is NaN; give a number, negative for any distance.")
-
-
-def _least_fitness(
-    request: GetBehavior.Request | GetBehaviors.Request | ListBehaviors.Request,
-) -> float:
-    if not request.require_fitness:
-        return -math.inf
-    if math.isnan(request.min_fitness):
-        raise RequestError("min_fitness is NaN; give a number, or leave require_fitness false.")
-    return float(request.min_fitness)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import inspect
 import sys
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
@@ -11,6 +12,7 @@ from pga_me_ros.errors import TaskError, nearest_name
 from pga_me_ros.tasks.gym.name import PREFIX as GYMNASIUM_PREFIX
 from pga_me_ros.tasks.gym.task import gymnasium_class
 from pga_me_ros.tasks.protocol import Task
+from pga_me_ros.tasks.randomization import RandomizationError, read_ranges
 from pga_me_ros.tasks.spec import TaskSpec
 
 BUILT_IN = {
@@ -53,15 +55,21 @@ def task_spec(name: str) -> TaskSpec:
     return load_task(name).spec
 
 
-def make_task(name: str) -> Task:
+def make_task(name: str, randomization: str = "") -> Task:
     """Return a task that is ready for episodes; its simulator is started.
 
+    Args:
+        name: As in `load_task`.
+        randomization: What is another in each episode (`tasks.randomization`); empty for nothing.
+
     Raises:
-        TaskError: As for `load_task`; also if its class raises when it is called without arguments.
+        RandomizationError: As in `randomization_option`.
+        TaskError: As in `load_task`, or its class raises when it is called.
     """
     task_class = load_task(name)
+    options = randomization_option(name, randomization)
     try:
-        return task_class()
+        return task_class(**options)
     except (Exception, SystemExit) as error:  # a user's class may raise anything
         raise TaskError(
             f"task '{name}' does not start ({type(error).__name__}: {error}); its class is called "
@@ -88,6 +96,30 @@ def simulation_versions(name: str) -> str:
         except PackageNotFoundError:
             found.append(f"no {library}")
     return ", ".join(found)
+
+
+def randomization_option(name: str, randomization: str) -> dict[str, Any]:
+    """Return the argument that makes a task another one in each episode, none where nothing is randomized.
+
+    Starts no simulator.
+
+    Args:
+        name: As in `load_task`.
+        randomization: As in `make_task`.
+
+    Raises:
+        RandomizationError: The text makes no sense, or the task's class takes no such argument.
+        TaskError: As in `load_task`.
+    """
+    if not read_ranges(randomization):
+        return {}
+    parameters = inspect.signature(load_task(name)).parameters.values()
+    if not any(p.name == "randomization" or p.kind is p.VAR_KEYWORD for p in parameters):
+        raise RandomizationError(
+            f"task '{name}' cannot be randomized: its class takes no argument `randomization`; leave the setting out, "
+            "or add the argument (docs/tasks.md)"
+        )
+    return {"randomization": randomization}
 
 
 def _load_class(name: str, module_path: str, class_name: str) -> type[Any]:

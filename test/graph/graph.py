@@ -38,6 +38,7 @@ TINY = {
     "critic_hidden": [16, 16],
     "evaluators": 1,
     "serve": False,
+    "reevaluations": 0,
 }
 """Parameters of a complete run that takes seconds: 1 generation of random controllers, 2 of variation."""
 

@@ -12,7 +12,7 @@ from pga_me_ros.core.archive.metrics import Metrics
 from pga_me_ros.core.search import Search
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.core.storage.repertoire import Repertoire
-from pga_me_ros.tasks.registry import load_task
+from pga_me_ros.tasks.registry import make_task
 
 ES = {
     "algorithm": "map_elites_es",
@@ -23,7 +23,7 @@ ES = {
 }
 """Parameters of MAP-Elites-ES in addition to `TINY`; it alternates exploit and explore every second generation."""
 
-NOT_SETTINGS = ("evaluators", "serve", "run_dir")
+NOT_SETTINGS = ("evaluators", "serve", "run_dir", "reevaluations")
 """Parameters of the orchestrator that do not affect the result."""
 
 
@@ -45,7 +45,7 @@ def run_settings(**parameters: Any) -> Settings:
 
 @cache
 def _searched(settings: Settings) -> tuple[str, list[Metrics]]:
-    task = load_task(settings.task)()
+    task = make_task(settings.task, settings.randomization)
     search = Search(task.spec, settings)
     try:
         while search.generation < settings.generations:

@@ -13,7 +13,7 @@ from graph import Probe
 from pga_me_msgs.srv import GetBehavior, GetBehaviors, ListBehaviors
 from stored import Served
 
-from pga_me_ros.client import RepertoireClient
+from pga_me_ros.client import BehaviorNotFoundError, RepertoireClient
 from pga_me_ros.core.storage.reevaluations import FILE, Reevaluations
 from pga_me_ros.errors import RequestError
 
@@ -48,6 +48,13 @@ def rows(repertoire: Served) -> Reevaluations:
     )
     rows.save(repertoire.path)
     return rows
+
+
+@pytest.fixture
+def plain(repertoire: Served) -> Served:
+    """The repertoire without re-evaluations."""
+    repertoire.path.with_name(FILE).unlink(missing_ok=True)
+    return repertoire
 
 
 def ask(repertoire: Served, **fields: Any) -> GetBehavior.Response:
@@ -198,3 +205,100 @@ def test_foreign_re_evaluations_do_not_affect_other_requests(
     refused = ask(repertoire, select=ASK.BEST, by_mean=True)
     assert (refused.found, "is of run another" in refused.message) == (False, True)
     assert ask(repertoire, select=ASK.BEST).behavior.repeats == 0
+
+
+def test_the_mean_counts_where_there_is_one_and_the_answer_says_so(
+    repertoire: Served, client: RepertoireClient, rows: Reevaluations
+) -> None:
+    mean = rows.fitness.reshape(-1, REPEATS).mean(axis=1)
+    best = ask(repertoire, select=ASK.BEST).behavior
+    assert (best.by_mean, best.mean_fitness) == (True, pytest.approx(mean.max(), rel=1e-12))
+    single = ask(repertoire, select=ASK.BEST, single=True).behavior
+    assert (single.by_mean, single.fitness) == (False, repertoire.archive.max_fitness)
+    cell = int(repertoire.archive.filled_cells()[1])
+    unknown = client.get_behavior(cell=cell)
+    assert (unknown.by_mean, unknown.promised_fitness) == (False, unknown.fitness)
+    judged = client.get_behavior(best=True)
+    assert (judged.by_mean, judged.promised_fitness) == (True, judged.mean_fitness)
+    assert judged.promised_descriptor.tolist() == judged.mean_descriptor.tolist()
+    listed = list(client.list_behaviors())
+    assert len(listed) == repertoire.archive.coverage
+    promised = [behavior.promised_fitness for behavior in listed]
+    assert promised == sorted(promised, reverse=True)
+
+
+def test_a_share_of_falls_can_be_demanded(
+    repertoire: Served, client: RepertoireClient, rows: Reevaluations
+) -> None:
+    fell = np.zeros(len(rows.fitness), np.bool_)
+    fell[REPEATS:] = True
+    fell[REPEATS] = False
+    replace(rows, terminated=fell).save(repertoire.path)
+    never, seldom = rows.evaluation[0], rows.evaluation[REPEATS]
+    found = client.get_behavior(best=True, max_fall_share=0.0)
+    assert (found.evaluation, found.fall_share) == (never, 0.0)
+    few = {b.evaluation for b in client.get_behaviors(WANTED, 9, max_fall_share=0.75)}
+    assert (
+        few == {never, seldom} == {b.evaluation for b in client.list_behaviors(max_fall_share=0.8)}
+    )
+    with pytest.raises(BehaviorNotFoundError, match=r"cell \d+ was not re-evaluated; at most 50 %"):
+        client.get_behavior(cell=int(repertoire.archive.filled_cells()[1]), max_fall_share=0.5)
+    with pytest.raises(RequestError, match="max_fall_share is 2; give a share from 0 to 1"):
+        client.get_behavior(best=True, max_fall_share=2)
+
+
+def test_a_least_fitness_counts_by_itself(plain: Served) -> None:
+    response = ask(plain, descriptor=WANTED, min_fitness=99_999.0)
+    assert not response.found
+    assert response.message.startswith("No behavior has a fitness of 99999.0 or more; the best has")
+    assert "The nearest is that of cell" in response.message
+    none = ask_many(plain, descriptor=WANTED, min_fitness=99_999.0)
+    assert (none.ok, len(none.behaviors)) == (True, 0)
+    listed = plain.probe.call(ListBehaviors, "repertoire/list_behaviors", min_fitness=99_999.0)
+    assert (listed.ok, listed.total) == (True, 0)
+    assert "No behavior has a fitness of 99999.0" in listed.message
+    least = float(plain.archive.fitness[plain.archive.filled].min())
+    assert ask(plain, descriptor=WANTED, min_fitness=least).found
+    assert not ask(plain, select=ASK.BEST, min_fitness=plain.archive.max_fitness + 1).found
+
+
+def test_what_is_too_far_is_named_and_not_given(plain: Served) -> None:
+    response = ask(plain, descriptor=[9.0, 9.0], max_distance=0.1)
+    assert (response.found, response.behavior.steps) == (False, 0)
+    nearest = ask(plain, descriptor=[9.0, 9.0])
+    assert f"The nearest is that of cell {nearest.behavior.cell}, {nearest.distance:.3f} away" in (
+        response.message
+    )
+
+
+@pytest.mark.parametrize(
+    ("fields", "words"),
+    [
+        ({"select": ASK.BEST, "descriptor": WANTED}, "descriptor given, but select is 2 (best)"),
+        ({"select": ASK.BEST, "cell": 3}, "cell given, but select is 2 (best)"),
+        ({"cell": 3, "descriptor": WANTED}, "cell given, but select is 0 (descriptor)"),
+        ({"select": ASK.RANDOM, "max_distance": 0.1}, "max_distance given, but select is 3"),
+        ({"select": ASK.BEST, "require_fitness": True}, "min_fitness is not given"),
+        ({"select": ASK.BEST, "by_mean": True, "single": True}, "contradict each other"),
+        ({"select": ASK.BEST, "max_fall_share": 1.5}, "max_fall_share is 1.5; give a share"),
+        ({"select": ASK.BEST, "max_fall_share": math.nan}, "max_fall_share is nan"),
+        ({"select": ASK.BEST, "min_fitness": math.nan}, "min_fitness is NaN"),
+        ({"select": 9}, "select is 9; expected 0 (descriptor)"),
+    ],
+)
+def test_what_a_request_names_counts_or_is_refused(
+    repertoire: Served, fields: dict[str, Any], words: str
+) -> None:
+    response = ask(repertoire, **fields)
+    assert (response.found, words in response.message) == (False, True), response.message
+
+
+def test_a_request_can_leave_the_controller_out(plain: Served, client: RepertoireClient) -> None:
+    response = ask(plain, descriptor=WANTED, with_controller=False)
+    assert response.found
+    assert (len(response.controller.parameters), len(response.controller.layer_sizes)) == (0, 0)
+    found = client.find_behavior(descriptor=WANTED)
+    assert (found.cell, found.distance) == (response.behavior.cell, response.distance)
+    nearest = client.find_behaviors(WANTED, 3)
+    assert [b.cell for b in nearest] == by_distance(plain)[:3]
+    assert not hasattr(nearest[0], "controller")

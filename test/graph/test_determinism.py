@@ -31,6 +31,10 @@ VARIANTS: dict[str, dict[str, Any]] = {
     "TD3": {"algorithm": "td3"},
     "MAP-Elites-ES": {**ES, "evaluations": 55},
     "QD-RL": {"algorithm": "qd_rl"},
+    "evaluated again": {"extract_share": 0.3, "cell_depth": 2},
+    "randomized": {
+        "randomization": "mass 0.5 2, friction 0.2 1, torque 0.8 1.2, delay 0 2, noise 0 0.1, push 0 300"
+    },
 }
 
 

@@ -10,12 +10,12 @@ from pathlib import Path
 import pytest
 from graph import TINY, Graph, Started
 from processes import wait_for_no_children
-from reference import run_digest, search_digest
+from reference import NOT_SETTINGS, run_digest, search_digest
 
 from pga_me_ros.core.storage.reevaluations import REPEATS, Reevaluations
 from pga_me_ros.core.storage.repertoire import Repertoire
 
-SETTINGS = {name: value for name, value in TINY.items() if name not in ("evaluators", "serve")}
+SETTINGS = {name: value for name, value in TINY.items() if name not in NOT_SETTINGS}
 ALGORITHMS = {"half": 5, "ga": 10}
 """Systems of the experiment by their n_evo: 10 of 10 offspring means only genetic variation."""
 

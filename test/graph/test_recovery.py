@@ -35,10 +35,17 @@ def test_a_killed_orchestrator_leaves_no_orphan_and_the_same_command_resumes(
     assert run_digest(run_dir) == search_digest(**parameters)
 
 
-def test_a_raised_budget_continues_a_finished_run(graph: Graph, tmp_path: Path) -> None:
+EXTRACTION = {"extract_share": 0.3, "cell_depth": 3}
+"""Settings of a run whose cells hold several solutions, which a resumed run needs as they were."""
+
+
+@pytest.mark.parametrize("more", [{}, EXTRACTION], ids=["plain", "extraction"])
+def test_a_raised_budget_continues_a_finished_run(
+    graph: Graph, tmp_path: Path, more: dict[str, float]
+) -> None:
     run_dir = tmp_path / "run"
-    first = graph.run(run_dir, evaluations=20)
+    first = graph.run(run_dir, evaluations=20, **more)
     assert first.wait() == 0, first.output
-    second = graph.run(run_dir, evaluations=30)
+    second = graph.run(run_dir, evaluations=40, **more)
     assert second.wait() == 0, second.output
-    assert run_digest(run_dir) == search_digest(evaluations=30)
+    assert run_digest(run_dir) == search_digest(evaluations=40, **more)

@@ -25,7 +25,7 @@ NODES = [
     "record",
     "variation",
 ]
-PROGRAMS = ["experiment", "export", "reevaluate", "render", "replay", "report"]
+PROGRAMS = ["experiment", "export", "query", "reevaluate", "render", "replay", "report", "thin"]
 
 TINY_RUN = {
     "evaluations": "24",

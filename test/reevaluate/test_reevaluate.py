@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 
 from pga_me_ros.core.archive.archive import Archive
+from pga_me_ros.core.evaluation import reevaluation_rng
 from pga_me_ros.core.networks.controller import MlpController
 from pga_me_ros.core.networks.mlp import MlpShape
 from pga_me_ros.core.storage.npz import load_arrays, save_arrays
@@ -26,7 +27,6 @@ from pga_me_ros.core.storage.reevaluations import (
     FORMAT,
     Reevaluations,
     fitness_differences,
-    reevaluation_rng,
 )
 from pga_me_ros.core.storage.repertoire import Repertoire
 from pga_me_ros.core.storage.stored_run import REPERTOIRE

@@ -8,7 +8,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -39,6 +39,20 @@ class Slots:
     count: int
 
 
+def without_extraction(settings: Settings) -> Settings:
+    """Return settings of a batch that is as much smaller as solutions are evaluated again in it.
+
+    Where the number of GA offspring was given, it shrinks with the batch.
+    """
+    if not settings.extracted:
+        return settings
+    left = settings.batch_size - settings.extracted
+    changes: dict[str, Any] = {"batch_size": left, "extract_share": 0.0, "cell_depth": 1}
+    if "n_evo" in settings.given:
+        changes["n_evo"] = round(settings.n_evo * left / settings.batch_size)
+    return settings.replace(**changes)
+
+
 class Algorithm(ABC):
     """An algorithm that fills an archive; instances have no state.
 
@@ -67,7 +81,8 @@ class Algorithm(ABC):
     def batch_plan(self, settings: Settings, generation: int, imported: int = 0) -> list[Slots]:
         """Return which operator fills which places of a generation's batch.
 
-        Imported and then random controllers in the first ceil(G / b) generations, what `offspring` says afterwards.
+        Imported and then random controllers in the first ceil(G / b) generations; afterwards what `offspring` says of a
+        batch without the places at its end, in which solutions of the archive are evaluated again (Extract-MAP-Elites).
 
         Args:
             settings: Settings with the rates in force.
@@ -82,7 +97,9 @@ class Algorithm(ABC):
             n = min(max(imported - generation * b, 0), b)
             plan = [Slots(Operator.IMPORTED, 0, n), Slots(Operator.RANDOM, n, b - n)]
         else:
-            plan = self.offspring(settings, generation)
+            left = b - settings.extracted
+            plan = self.offspring(without_extraction(settings), generation)
+            plan = [*plan, Slots(Operator.EXTRACTED, left, settings.extracted)]
         return [slots for slots in plan if slots.count]
 
     @abstractmethod

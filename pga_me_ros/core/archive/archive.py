@@ -113,7 +113,7 @@ class Archive(EliteTable, ABC):
         Raises:
             ArchiveError: Fitness, descriptors or parameters are not finite or of the wrong shape.
         """
-        self._check(batch)
+        self.check(batch)
         cells = self.cell_of(batch.descriptors)
         status = np.full(len(batch), Status.REJECTED, np.int64)
         for i, cell in enumerate(cells.tolist()):
@@ -140,8 +140,12 @@ class Archive(EliteTable, ABC):
             out.update(elite.to_bytes())
         return out.hexdigest()
 
-    def _check(self, batch: Solutions) -> None:
-        """Raise if any part of a batch other than its descriptors does not fit."""
+    def check(self, batch: Solutions) -> None:
+        """Make sure that all of a batch fits, but for its descriptors, which `cell_of` checks.
+
+        Raises:
+            ArchiveError: Fitness or parameters are not finite or of the wrong shape, or an operator is unknown.
+        """
         batch.check_shapes()
         if batch.parameters.shape[1] != self.parameter_count:
             raise ArchiveError(

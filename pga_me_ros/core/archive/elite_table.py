@@ -121,6 +121,14 @@ class EliteTable:
         self.steps[cell] = elite.steps
         self.terminated[cell] = elite.terminated
 
+    def clear(self, cell: int) -> None:
+        """Make a cell empty."""
+        self.filled[cell] = self.terminated[cell] = False
+        self.fitness[cell] = self.descriptors[cell] = np.nan
+        self.parameters[cell] = self.operators[cell] = self.steps[cell] = 0
+        self.evaluations[cell] = self.parents[cell] = NO_PARENT
+        self.generations[cell] = -1
+
     def sample_parents(self, rng: np.random.Generator, n: int) -> Int64Array:
         """Draw cells uniformly over the filled ones, with replacement.
 

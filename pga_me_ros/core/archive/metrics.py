@@ -98,11 +98,11 @@ def _best_evaluation(archive: Archive, before: Metrics | None) -> int:
     """Return the evaluation id of the best elite; only a fitter one replaces that of the generation before."""
     if not len(archive):
         return UNKNOWN
-    known = before is not None and before.best_evaluation != UNKNOWN
-    if before is not None and known and archive.max_fitness <= before.max_fitness:
-        return before.best_evaluation
     cells = archive.filled_cells()
     fittest = cells[archive.fitness[cells] == archive.max_fitness]
+    # It may have been taken out of the archive, or have another estimate: only what is there counts.
+    if before is not None and before.best_evaluation in archive.evaluations[fittest]:
+        return before.best_evaluation
     return int(archive.evaluations[fittest].min())
 
 

@@ -15,6 +15,7 @@ from pga_me_ros.core.settings import Settings
 from pga_me_ros.core.storage.file_lock import FileLock
 from pga_me_ros.core.storage.files import make_folder
 from pga_me_ros.core.storage.metrics_file import METRICS_FILE, MetricsFile
+from pga_me_ros.core.storage.reevaluating import stored_measures
 from pga_me_ros.core.storage.repertoire import Repertoire
 from pga_me_ros.core.storage.run_info import RunInfo, library_versions
 from pga_me_ros.core.storage.stored_run import REPERTOIRE
@@ -141,5 +142,6 @@ def _resume(
     before = settings.with_rates(last)
     if len(rates) < settings.generations:
         notes += require_sound_state(path, rates, before, now)
-    MetricsFile(path / METRICS_FILE).rebuild(generations)
+    measured = stored_measures(path / REPERTOIRE, info.run_id, spec.descriptor_dim)
+    MetricsFile(path / METRICS_FILE).rebuild(generations, measured)
     return RunDirectory(path, info.run_id, len(rates), before, now, tuple(notes), lock, imported)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from pga_me_ros.core.settings.departures import DepartureSettings
+from pga_me_ros.core.settings.extraction import ExtractionSettings
 from pga_me_ros.core.settings.field import setting
 
 
 @dataclass(frozen=True)
-class AlgorithmSettings(DepartureSettings):
+class AlgorithmSettings(ExtractionSettings):
     """A block per algorithm; each description begins with the algorithm's name."""
 
     exploration_sigma: float = setting(

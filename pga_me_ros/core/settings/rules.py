@@ -54,10 +54,29 @@ class Rules:
         Raises:
             SettingsError: Two values do not fit each other.
         """
+        self.check_extraction(settings)
         if settings.batch_size < 2:
             raise SettingsError(
                 f"batch_size is {settings.batch_size}; {settings.algorithm} needs at least 2 controllers per "
                 "generation."
+            )
+
+    def check_extraction(self, settings: AlgorithmSettings) -> None:
+        """Refuse cells with a depth that nothing looks into, and shares of a batch that leave nothing or are nothing.
+
+        Raises:
+            SettingsError: As said.
+        """
+        if settings.cell_depth > 1 and not settings.extract_share:
+            raise SettingsError(
+                f"cell_depth is {settings.cell_depth}, but extract_share is 0, so what lies below an elite would never "
+                "return; give extract_share, or remove cell_depth."
+            )
+        places, batch = settings.extracted, settings.batch_size
+        if settings.extract_share and not 1 <= places <= batch - 2:
+            raise SettingsError(
+                f"extract_share is {settings.extract_share}, which is {places} of a batch of {batch} controllers; give "
+                "a share that takes one of them at least, and leaves two."
             )
 
     def uses(self, name: str) -> bool:
@@ -67,7 +86,7 @@ class Rules:
 
 
 class _PgaMapElites(Rules):
-    parts = (*GRADIENTS, "genetic", "pga_map_elites")
+    parts = (*GRADIENTS, "genetic", "pga_map_elites", "extraction")
 
     def own_values(self, given: Mapping[str, Any]) -> dict[str, Any]:
         """Half of a batch is made by genetic variation (Table 1)."""
@@ -85,7 +104,7 @@ class _PgaMapElites(Rules):
 
 
 class _MapElites(Rules):
-    parts = ("genetic",)
+    parts = ("genetic", "extraction")
     fixed: ClassVar = {"n_evo": "makes all offspring of a generation by genetic variation"}
 
     def own_values(self, given: Mapping[str, Any]) -> dict[str, Any]:
@@ -95,7 +114,7 @@ class _MapElites(Rules):
 
 
 class _PgOnly(Rules):
-    parts = GRADIENTS
+    parts = (*GRADIENTS, "extraction")
     fixed: ClassVar = {"n_evo": "makes no offspring by genetic variation"}
 
     def own_values(self, given: Mapping[str, Any]) -> dict[str, Any]:
@@ -104,7 +123,7 @@ class _PgOnly(Rules):
 
 
 class _Td3(Rules):
-    parts = (*CRITICS, "td3")
+    parts = (*CRITICS, "td3", "extraction")
     fixed: ClassVar = {
         "n_evo": "evaluates its actor in every place of a batch",
         "n_crit": "takes one training step per control step of the last generation",
@@ -118,6 +137,7 @@ class _Td3(Rules):
 
     def check(self, settings: AlgorithmSettings) -> None:
         """Take any batch: it consists of episodes of one actor."""
+        self.check_extraction(settings)
 
 
 class _MapElitesEs(Rules):
@@ -148,7 +168,7 @@ class _MapElitesEs(Rules):
 
 
 class _QdRl(Rules):
-    parts = (*GRADIENTS, "qd_rl")
+    parts = (*GRADIENTS, "qd_rl", "extraction")
     fixed: ClassVar = {
         "n_evo": "makes no offspring by genetic variation",
         "critic_start": "trains between generations only",

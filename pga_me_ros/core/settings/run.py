@@ -20,6 +20,11 @@ class RunSettings:
     task: str = setting(
         "qd_walker", "Simulated robot: a built-in task, or module.path:ClassName for one's own."
     )
+    randomization: str = setting(
+        "",
+        "What of robot and world is another in each evaluation, and within which limits, for example 'mass 0.8 1.2, "
+        "friction 0.5 1.0'; empty: nothing. docs/promises.md lists the kinds.",
+    )
     algorithm: str = setting(
         "pga_map_elites",
         "PGA-MAP-Elites, or an algorithm that it is compared with (section 4.2); docs/algorithms.md describes each.",

@@ -45,6 +45,33 @@ def explained(path: Path) -> Iterator[None]:
         raise StorageError(f"'{path}' is damaged: {error}. {RESTORE}") from None
 
 
+@contextmanager
+def transaction(connection: sqlite3.Connection, kind: str) -> Iterator[None]:
+    """Do what a block does in one transaction; if the block raises, nothing of it is in the file.
+
+    Args:
+        connection: The file.
+        kind: DEFERRED to read one state of the file, IMMEDIATE to write.
+    """
+    connection.execute(f"BEGIN {kind}")
+    try:
+        yield
+        connection.execute("COMMIT")
+    except BaseException:
+        if connection.in_transaction:
+            connection.execute("ROLLBACK")
+        raise
+
+
+def insert_rows(
+    connection: sqlite3.Connection, table: str, rows: Sequence[Sequence[object]]
+) -> None:
+    """Insert rows into a table, in place of those with the same key."""
+    if rows:
+        marks = ", ".join("?" * len(rows[0]))
+        connection.executemany(f"INSERT OR REPLACE INTO {table} VALUES ({marks})", rows)
+
+
 def _reason(error: sqlite3.Error) -> str:
     name = getattr(error, "sqlite_errorname", "")
     if name == "SQLITE_FULL":

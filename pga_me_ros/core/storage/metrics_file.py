@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import fields
 from pathlib import Path
 
+from pga_me_ros.core.archive.corrected import CorrectedMetrics
 from pga_me_ros.core.archive.metrics import Metrics
 from pga_me_ros.core.operators import Operator
 from pga_me_ros.core.storage.database import explained
 from pga_me_ros.core.storage.files import replace_file
+from pga_me_ros.core.storage.reevaluations import Measured
 from pga_me_ros.core.storage.rows import Generation
 
 METRICS_FILE = "metrics.csv"
@@ -30,14 +33,18 @@ _NUMBERS = (
 )
 _PER_OPERATOR = ("offspring", "new_elites", "improved_elites")
 
+_CORRECTED = tuple(f.name for f in fields(CorrectedMetrics))
+
 TIME_COLUMNS = ("committed",)
 """Columns that differ between two runs with the same settings; all others are equal, bit for bit."""
 
 COLUMNS = (
     *_NUMBERS,
     *(f"{name}_{operator.label}" for name in _PER_OPERATOR for operator in Operator),
+    *(f"corrected_{name}" for name in _CORRECTED),
     *TIME_COLUMNS,
 )
+"""Columns of the table; those that begin with ``corrected_`` are empty where the archive was not re-evaluated."""
 
 
 class MetricsFile:
@@ -50,13 +57,18 @@ class MetricsFile:
     def __init__(self, path: Path) -> None:
         self.path = path
 
-    def rebuild(self, generations: Sequence[Generation]) -> None:
-        """Make the file hold exactly these generations; a crash leaves either the old or the new file intact.
+    def rebuild(self, generations: Sequence[Generation], measured: Sequence[Measured] = ()) -> None:
+        """Make the file hold exactly these generations; a crash leaves the old or the new one, whole.
+
+        Args:
+            generations: All generations.
+            measured: What the archives of some of them are worth by re-evaluations.
 
         Raises:
             StorageError: The file cannot be written.
         """
-        content = _lines([COLUMNS, *(_row(generation) for generation in generations)])
+        known = {m.generation: m.corrected for m in measured}
+        content = _lines([COLUMNS, *(_row(generation, known) for generation in generations)])
         with explained(self.path):
             if self.path.exists() and self.path.read_bytes() == content:
                 return
@@ -69,14 +81,16 @@ class MetricsFile:
             StorageError: The file cannot be written.
         """
         with explained(self.path), self.path.open("ab") as file:
-            file.write(_lines([_row(generation)]))
+            file.write(_lines([_row(generation, {})]))
 
 
-def _row(generation: Generation) -> list[object]:
+def _row(generation: Generation, known: Mapping[int, CorrectedMetrics]) -> list[object]:
     metrics: Metrics = generation.metrics
     numbers = [getattr(metrics, name) for name in _NUMBERS]
     counts = [count for name in _PER_OPERATOR for count in getattr(metrics, name)]
-    return [*numbers, *counts, generation.committed]
+    corrected = known.get(metrics.generation)
+    measures = [getattr(corrected, name) if corrected else "" for name in _CORRECTED]
+    return [*numbers, *counts, *measures, generation.committed]
 
 
 def _lines(rows: Sequence[Sequence[object]]) -> bytes:

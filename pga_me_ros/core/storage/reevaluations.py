@@ -6,19 +6,21 @@ expect; its difference to the one fitness is the "fitness difference" of Nilsson
 
 from __future__ import annotations
 
-import copy
+import hashlib
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pga_me_ros.arrays import BoolArray, Float64Array, Int64Array
 from pga_me_ros.core.archive.archive import Archive
-from pga_me_ros.core.archive.elite_table import EliteTable
+from pga_me_ros.core.archive.corrected import CorrectedMetrics
 from pga_me_ros.core.archive.metrics import Metrics
-from pga_me_ros.core.rng import Purpose, generator
+from pga_me_ros.core.archive.statistics import Statistics
 from pga_me_ros.core.storage.npz import load_arrays, save_arrays
 from pga_me_ros.errors import StorageError
 
@@ -27,53 +29,56 @@ FILE = "reevaluations.npz"
 
 FORMAT = "pga_me_ros reevaluations 1"
 
+_ELSEWHERE = "reevaluations-*.npz"
+"""Names of the files of re-evaluations in which other things were randomized than in the run."""
 
-def reevaluation_rng(seed: int, repeat: int) -> np.random.Generator:
-    """Return the generator of the initial pose of a repeat.
 
-    All controllers begin a repeat in the same pose, so that what differs between them is their own doing.
+def file_name(elsewhere: str | None = None) -> str:
+    """Return the name of a file of re-evaluations.
+
+    Args:
+        elsewhere: What was randomized, where that was something else than in the run; None for the run's own.
     """
-    return generator(seed, Purpose.REEVALUATION, 0, repeat)
+    if elsewhere is None:
+        return FILE
+    return _ELSEWHERE.replace("*", hashlib.sha256(elsewhere.encode()).hexdigest()[:8])
+
+
+_ROWS = ("evaluation", "repeat", "fitness", "descriptor", "steps", "terminated")
+"""Arrays with one row per re-evaluation, in the order of the fields of `Reevaluations`."""
+
+_MEASURE = "measured_"
+"""Begins the names of the arrays with one entry per measured archive; files of older versions lack them."""
 
 
 @dataclass(frozen=True)
-class Statistics:
-    """Mean and spread of the re-evaluations of each cell's elite.
+class RepeatOutcome:
+    """Outcome of one re-evaluation; attributes as in `Reevaluations`, one row."""
+
+    evaluation: int
+    repeat: int
+    fitness: float
+    descriptor: Float64Array
+    steps: int
+    terminated: bool
+
+
+@dataclass(frozen=True)
+class Measured:
+    """What the elites that there were after a generation turned out to be worth.
 
     Attributes:
-        repeats: (cells,) int64 re-evaluations of the elite, 0 for none.
-        mean_fitness: (cells,) float64, NaN where there is none.
-        fitness_spread: (cells,) float64 sample standard deviation, NaN for fewer than two.
-        mean_descriptor: (cells, d) float64, NaN where there is none.
-        descriptor_spread: (cells, d) float64 sample standard deviation, NaN for fewer than two.
+        generation: The generation.
+        corrected: Measures of all of its elites.
     """
 
-    repeats: Int64Array
-    mean_fitness: Float64Array
-    fitness_spread: Float64Array
-    mean_descriptor: Float64Array
-    descriptor_spread: Float64Array
-
-    def as_elites(self, archive: Archive) -> EliteTable:
-        """Return elites as their means tell them; those that were not re-evaluated are left out.
-
-        Args:
-            archive: The archive that the statistics are of.
-
-        Returns:
-            A view with fitness and descriptors replaced by means, for choosing cells. An elite's mean descriptor may
-            lie in another cell than its own.
-        """
-        view = copy.copy(archive)
-        view.filled = archive.filled & (self.repeats > 0)
-        view.fitness = self.mean_fitness
-        view.descriptors = self.mean_descriptor
-        return view
+    generation: int
+    corrected: CorrectedMetrics
 
 
 @dataclass(frozen=True)
 class Reevaluations:
-    """All re-evaluations of a run's elites, one row each.
+    """All re-evaluations of a run's elites, one row each, and what was measured by them.
 
     Attributes:
         run_id: Run that the elites are of.
@@ -83,6 +88,10 @@ class Reevaluations:
         descriptor: (m, d) float64.
         steps: (m,) int64 lengths of the episodes, control steps.
         terminated: (m,) bool, whether the robot fell.
+        elsewhere: What was randomized, where that was something else than in the run (`Settings.randomization`); None
+            in the run's own world. Each has a file of its own.
+        measured: Measures of whole archives, by generation, ascending. Rows of elites that were replaced since tell of
+            them no more, so they are kept.
     """
 
     run_id: str
@@ -92,29 +101,34 @@ class Reevaluations:
     descriptor: Float64Array
     steps: Int64Array
     terminated: BoolArray
+    measured: tuple[Measured, ...] = ()
+    elsewhere: str | None = None
 
     @classmethod
-    def none(cls, run_id: str, dimensions: int) -> Reevaluations:
+    def none(cls, run_id: str, dimensions: int, elsewhere: str | None = None) -> Reevaluations:
         """Return none yet."""
         ints, floats = np.empty(0, np.int64), np.empty(0)
-        descriptor = np.empty((0, dimensions))
-        return cls(run_id, ints, ints, floats, descriptor, ints, np.empty(0, np.bool_))
+        columns = (ints, ints, floats, np.empty((0, dimensions)), ints, np.empty(0, np.bool_))
+        return cls(run_id, *columns, elsewhere=elsewhere)
 
     @classmethod
-    def load(cls, repertoire: Path, run_id: str, dimensions: int) -> Reevaluations:
+    def load(
+        cls, repertoire: Path, run_id: str, dimensions: int, elsewhere: str | None = None
+    ) -> Reevaluations:
         """Read those next to a repertoire file; none if there is no file of re-evaluations.
 
         Args:
             repertoire: The repertoire file.
             run_id: Its run.
             dimensions: Its number d of descriptor dimensions.
+            elsewhere: What was randomized, as in `file_name`.
 
         Raises:
             StorageError: The file is damaged, or of another run.
         """
-        path = repertoire.with_name(FILE)
+        path = repertoire.with_name(file_name(elsewhere))
         if not path.exists():
-            return cls.none(run_id, dimensions)
+            return cls.none(run_id, dimensions, elsewhere)
         arrays = load_arrays(path, FORMAT, "file of re-evaluations")
         if str(arrays.get("run_id", "")) != run_id:
             raise StorageError(
@@ -122,11 +136,31 @@ class Reevaluations:
                 f"{run_id}; move the file away and run reevaluate again."
             )
         try:
-            rows = cls(run_id, *(arrays[f.name] for f in fields(cls)[1:]))
+            columns: Any = {name: arrays[name] for name in _ROWS}
+            rows = cls(run_id, **columns, measured=_measured_from(arrays), elsewhere=elsewhere)
         except KeyError as error:
             raise StorageError(f"'{path}' lacks the array {error}; run reevaluate anew.") from None
+        except (TypeError, ValueError) as error:
+            raise StorageError(
+                f"'{path}' holds measures that cannot be read ({error}); run reevaluate anew."
+            ) from None
         rows._check(path, dimensions)
         return rows
+
+    @classmethod
+    def load_elsewhere(
+        cls, repertoire: Path, run_id: str, dimensions: int
+    ) -> tuple[Reevaluations, ...]:
+        """Read all those next to a repertoire file in which other things were randomized than in the run.
+
+        Raises:
+            StorageError: A file is damaged, or of another run.
+        """
+        found = []
+        for path in sorted(repertoire.parent.glob(_ELSEWHERE)):
+            text = str(load_arrays(path, FORMAT, "file of re-evaluations").get("elsewhere", ""))
+            found.append(cls.load(repertoire, run_id, dimensions, text))
+        return tuple(found)
 
     def save(self, repertoire: Path) -> None:
         """Write them next to a repertoire file, in place of earlier ones.
@@ -134,14 +168,34 @@ class Reevaluations:
         Raises:
             StorageError: The file cannot be written.
         """
-        arrays = {f.name: np.asarray(getattr(self, f.name)) for f in fields(self)}
-        save_arrays(repertoire.with_name(FILE), {"format": np.array(FORMAT), **arrays})
+        arrays = {name: np.asarray(getattr(self, name)) for name in ("run_id", *_ROWS)}
+        arrays |= _measured_arrays(self.measured)
+        if self.elsewhere is not None:
+            arrays["elsewhere"] = np.array(self.elsewhere)
+        path = repertoire.with_name(file_name(self.elsewhere))
+        save_arrays(path, {"format": np.array(FORMAT), **arrays})
 
-    def with_more(self, more: Reevaluations) -> Reevaluations:
-        """Return these and others of the same run."""
-        names = [f.name for f in fields(self)[1:]]
-        joined = [np.concatenate([getattr(self, n), getattr(more, n)]) for n in names]
-        return Reevaluations(self.run_id, *joined)
+    def with_more(self, outcomes: Sequence[RepeatOutcome]) -> Reevaluations:
+        """Return these and further ones behind them, in an order that does not depend on which came in first.
+
+        Args:
+            outcomes: Outcomes that are not among the rows yet.
+        """
+        if not outcomes:
+            return self
+        more = sorted(outcomes, key=lambda o: (o.evaluation, o.repeat))
+        columns: dict[str, Any] = {}
+        for name in _ROWS:
+            values = getattr(self, name)
+            new = np.array([getattr(o, name) for o in more], values.dtype)
+            columns[name] = np.concatenate([values, new])
+        return replace(self, **columns)
+
+    def with_measure(self, generation: int, corrected: CorrectedMetrics) -> Reevaluations:
+        """Return these with the measures of the archive after a generation, in place of earlier ones of it."""
+        others = [m for m in self.measured if m.generation != generation]
+        measured = sorted([*others, Measured(generation, corrected)], key=lambda m: m.generation)
+        return replace(self, measured=tuple(measured))
 
     def missing(self, evaluations: Int64Array, repeats: int) -> list[tuple[int, int]]:
         """Return (evaluation, repeat) of all repeats 0..repeats-1 of the given elites that are missing."""
@@ -157,19 +211,13 @@ class Reevaluations:
         order = np.lexsort((self.repeat, cells))
         order = order[cells[order] >= 0]
         filled, starts = np.unique(cells[order], return_index=True)
-        size, d = archive.cells, archive.dimensions
-        out = Statistics(
-            np.zeros(size, np.int64),
-            np.full(size, np.nan),
-            np.full(size, np.nan),
-            np.full((size, d), np.nan),
-            np.full((size, d), np.nan),
-        )
+        out = Statistics.none(archive.cells, archive.dimensions)
         for cell, rows in zip(filled.tolist(), np.split(order, starts[1:]), strict=False):
             fitness, descriptor = self.fitness[rows], self.descriptor[rows]
             out.repeats[cell] = len(rows)
             out.mean_fitness[cell] = fitness.mean()
             out.mean_descriptor[cell] = descriptor.mean(axis=0)
+            out.fall_share[cell] = np.count_nonzero(self.terminated[rows]) / len(rows)
             if len(rows) > 1:
                 out.fitness_spread[cell] = fitness.std(ddof=1)
                 out.descriptor_spread[cell] = descriptor.std(axis=0, ddof=1)
@@ -194,6 +242,34 @@ class Reevaluations:
                 )
         if not (np.isfinite(self.fitness).all() and np.isfinite(self.descriptor).all()):
             raise StorageError(f"'{path}' holds numbers that are not finite; run reevaluate anew.")
+
+
+def _measured_arrays(measured: Sequence[Measured]) -> dict[str, NDArray[Any]]:
+    """Return measures as arrays, one entry per measured archive; none if there is none."""
+    if not measured:
+        return {}
+    arrays = {f"{_MEASURE}generation": np.array([m.generation for m in measured], np.int64)}
+    for f in fields(CorrectedMetrics):
+        arrays[_MEASURE + f.name] = np.array([getattr(m.corrected, f.name) for m in measured])
+    return arrays
+
+
+def _measured_from(arrays: Mapping[str, NDArray[Any]]) -> tuple[Measured, ...]:
+    """Return what `_measured_arrays` made arrays of.
+
+    Raises:
+        KeyError: Some of the arrays are missing, though not all.
+        ValueError: They are of different lengths.
+    """
+    generations = arrays.get(f"{_MEASURE}generation", np.empty(0, np.int64))
+    if not generations.size:
+        return ()
+    names = [f.name for f in fields(CorrectedMetrics)]
+    columns = [arrays[_MEASURE + name].tolist() for name in names]
+    return tuple(
+        Measured(generation, CorrectedMetrics(**dict(zip(names, values, strict=True))))
+        for generation, *values in zip(generations.tolist(), *columns, strict=True)
+    )
 
 
 REPEATS = 10

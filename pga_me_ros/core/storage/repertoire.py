@@ -3,17 +3,25 @@
 from __future__ import annotations
 
 import sqlite3
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
 from pga_me_ros.core.archive.archive import Archive
+from pga_me_ros.core.archive.depth import CellDepth, DepthChange
 from pga_me_ros.core.archive.elites import Elite
 from pga_me_ros.core.archive.metrics import UNKNOWN, Metrics
-from pga_me_ros.core.storage.database import connect, create_file, explained, require_no_loss
+from pga_me_ros.core.storage.database import (
+    connect,
+    create_file,
+    explained,
+    insert_rows,
+    require_no_loss,
+    transaction,
+)
+from pga_me_ros.core.storage.deep_cells import read_depth, store_change
 from pga_me_ros.core.storage.extremes import (
     GENERATIONS,
     OLDER_GENERATIONS,
@@ -46,8 +54,8 @@ PREDECESSOR_WAIT = 3.0
 class Repertoire:
     """An open repertoire file; made by `create` and `open`, closed by `close` or ``with``.
 
-    A generation is committed atomically, and then survives a power cut. One process at a time may
-    write; any number may read meanwhile, and see only complete generations.
+    A generation is committed whole, and once committed survives a power cut. One process at a time may write; any
+    number may read meanwhile, and see whole generations only.
 
     Attributes:
         path: The file.
@@ -99,8 +107,8 @@ class Repertoire:
             read_only: Whether nothing will be committed; works while another process writes, and in read-only folders.
 
         Raises:
-            StorageError: The file is missing, not a repertoire, damaged, of another schema version,
-                not accessible, or being written by another process.
+            StorageError: The file is missing, not a repertoire, damaged, of another schema version, not accessible, or
+                being written by another process.
         """
         path = Path(path)
         # Listed first, because a writer may add to both meanwhile.
@@ -145,6 +153,7 @@ class Repertoire:
         elites: Sequence[Elite],
         metrics: Metrics,
         rates: Mapping[str, Any],
+        change: DepthChange | None = None,
     ) -> bool:
         """Store a generation in one transaction; on return it survives a power cut.
 
@@ -152,14 +161,15 @@ class Repertoire:
             generation: Number of the generation, from 0.
             elites: The elites of all cells that it changed.
             metrics: Its metrics.
-            rates: The rates in force, as JSON can hold them.
+            rates: The rates in force, fit for JSON.
+            change: What it changed below the elites, where cells hold several solutions.
 
         Returns:
             False if that generation is stored already; nothing is changed then.
 
         Raises:
-            StorageError: A generation is skipped, the parts do not fit together, the file was opened
-                for reading, or it cannot be written; the file is then unchanged.
+            StorageError: A generation is left out, the parts do not fit together, the file was opened for reading, or
+                it cannot be written; then nothing of it is in the file.
         """
         if self._lock is None:
             raise StorageError(f"'{self.path}' was opened for reading; open it for writing.")
@@ -173,17 +183,20 @@ class Repertoire:
             )
         rows = [elite_to_row(elite) for elite in elites]
         digests = self._digests | {row[0]: row[-1] for row in rows}
+        for cell in change.emptied_cells.tolist() if change else ():
+            del digests[cell]
         if len(digests) != metrics.coverage:
             raise StorageError(
-                f"Generation {generation} has a coverage of {metrics.coverage}, but '{self.path}' "
-                f"would hold {len(digests)} elites; commit those of all changed cells."
+                f"Generation {generation} has a coverage of {metrics.coverage}, but '{self.path}' would hold "
+                f"{len(digests)} elites; commit those of all changed cells."
             )
         now = datetime.now(UTC).isoformat(timespec="milliseconds")
-        total = xor_digests(list(digests.values()))
-        row = metrics_to_row(metrics, rates, now, total)
-        with explained(self.path), self._transaction("IMMEDIATE"):
-            self._insert("elites", rows)
-            self._insert("generations", [row])
+        row = metrics_to_row(metrics, rates, now, xor_digests(list(digests.values())))
+        with explained(self.path), transaction(self._connection, "IMMEDIATE"):
+            insert_rows(self._connection, "elites", rows)
+            insert_rows(self._connection, "generations", [row])
+            if change:
+                store_change(self._connection, generation, change)
             store_extremes(self._connection, metrics)
         self._digests = digests
         return True
@@ -194,7 +207,7 @@ class Repertoire:
         Raises:
             StorageError: A row is damaged, missing or foreign.
         """
-        with explained(self.path), self._transaction("DEFERRED"):
+        with explained(self.path), transaction(self._connection, "DEFERRED"):
             _, archive = row_to_archive(self._run_row())
             digests = []
             for row in self._connection.execute("SELECT * FROM elites ORDER BY cell"):
@@ -207,6 +220,15 @@ class Repertoire:
             if (len(archive), xor_digests(digests)) != expected:
                 raise DamagedRow("its elites are not those of its last generation")
         return archive
+
+    def load_depth(self, archive: Archive, depth: int) -> CellDepth:
+        """Return what the cells of `load_archive` hold below their elites, at most so many solutions each.
+
+        Raises:
+            StorageError: A row is damaged, missing or foreign.
+        """
+        with explained(self.path), transaction(self._connection, "DEFERRED"):
+            return read_depth(self._connection, archive, depth, self.last_generation)
 
     def generations(self) -> list[Generation]:
         """Return what is stored about each generation besides its elites, in order.
@@ -235,7 +257,7 @@ class Repertoire:
         Raises:
             StorageError: A row is damaged or missing.
         """
-        with explained(self.path), self._transaction("DEFERRED"):
+        with explained(self.path), transaction(self._connection, "DEFERRED"):
             _, archive = row_to_archive(self._run_row())
             return read_bests(self._connection, archive)
 
@@ -253,11 +275,7 @@ class Repertoire:
             return row_to_generation(row)
 
     def metrics(self) -> list[Metrics]:
-        """Return the metrics of all generations, in order.
-
-        Raises:
-            StorageError: A row is damaged or missing.
-        """
+        """Return the metrics of all generations, in order; raises as `generations` does."""
         return [generation.metrics for generation in self.generations()]
 
     def rates(self) -> list[dict[str, Any]]:
@@ -271,7 +289,7 @@ class Repertoire:
     def result_digest(self) -> str:
         """Return the SHA-256 of cells and elites: equal for repertoires that are equal, bit for bit.
 
-        It does not depend on times, the run's id or paths (`Archive.digest`).
+        It does not depend on times, the run's id or paths.
 
         Raises:
             StorageError: A row is damaged, missing or foreign.
@@ -307,22 +325,6 @@ class Repertoire:
 
     def _last(self) -> Generation | None:
         with explained(self.path):
-            query = f"{self._generations} ORDER BY generation DESC LIMIT 1"
-            row = self._connection.execute(query).fetchone()
+            newest = f"{self._generations} ORDER BY generation DESC LIMIT 1"
+            row = self._connection.execute(newest).fetchone()
             return None if row is None else row_to_generation(row)
-
-    def _insert(self, table: str, rows: Sequence[Row]) -> None:
-        if rows:
-            marks = ", ".join("?" * len(rows[0]))
-            self._connection.executemany(f"INSERT OR REPLACE INTO {table} VALUES ({marks})", rows)
-
-    @contextmanager
-    def _transaction(self, kind: str) -> Iterator[None]:
-        self._connection.execute(f"BEGIN {kind}")
-        try:
-            yield
-            self._connection.execute("COMMIT")
-        except BaseException:
-            if self._connection.in_transaction:
-                self._connection.execute("ROLLBACK")
-            raise

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -13,31 +12,45 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from pga_me_ros.arrays import Float32Array, Float64Array
+from pga_me_ros.arrays import Float64Array
 from pga_me_ros.core.archive.archive import Archive
-from pga_me_ros.core.archive.choosing import Choices
-from pga_me_ros.core.archive.elites import NO_PARENT, Elite
+from pga_me_ros.core.archive.choosing import Choices, Demands, Judging
+from pga_me_ros.core.archive.corrected import CorrectedMetrics, complete_metrics
+from pga_me_ros.core.archive.elites import Elite
 from pga_me_ros.core.archive.metrics import Metrics
-from pga_me_ros.core.networks.controller import MlpController
+from pga_me_ros.core.archive.statistics import Statistics
 from pga_me_ros.core.networks.mlp import MlpShape
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.core.storage.npz import repertoire_arrays
-from pga_me_ros.core.storage.reevaluations import Reevaluations, Statistics
+from pga_me_ros.core.storage.reevaluations import Reevaluations
 from pga_me_ros.core.storage.repertoire import Repertoire
 from pga_me_ros.core.storage.rows import Generation
 from pga_me_ros.core.storage.run_info import RunInfo
+from pga_me_ros.core.storage.shipped import is_shipped_name, shipped_folder
+from pga_me_ros.core.storage.stored_behavior import StoredBehavior
 from pga_me_ros.errors import RequestError, SettingsError, StorageError
 from pga_me_ros.tasks.spec import TaskSpec
 
+__all__ = ["REPERTOIRE", "StoredBehavior", "StoredRun", "is_exported", "repertoire_file"]
+
 REPERTOIRE = "repertoire.db"
 """Name of the repertoire file in the folder of a run."""
+
+ANY = Demands()
+"""No demands: the best that is known of each elite counts."""
 
 _ZIP = b"PK"
 
 
 def repertoire_file(path: str | Path) -> Path:
-    """Return the repertoire file of a path: the one in a run's folder, or the file itself."""
+    """Return the repertoire file that a user means: that of a folder, a shipped one (``zoo/NAME``), or the file itself.
+
+    Raises:
+        StorageError: It is the name of a shipped repertoire, but there is none of that name.
+    """
     path = Path(path)
+    if is_shipped_name(path):
+        path = shipped_folder(path)
     return path / REPERTOIRE if path.is_dir() else path
 
 
@@ -48,39 +61,6 @@ def is_exported(file: Path) -> bool:
             return content.read(len(_ZIP)) == _ZIP
     except OSError:
         return False  # opening it as a repertoire will report what is wrong
-
-
-@dataclass(frozen=True, eq=False)
-class StoredBehavior:
-    """An elite of a stored run, ready to run.
-
-    Attributes:
-        cell: Its cell in the archive.
-        evaluation: Id of the evaluation that gave fitness and descriptor.
-        fitness: Sum of rewards in that evaluation.
-        descriptor: (d,) float64 achieved descriptor.
-        distance: Euclidean distance from the requested descriptor, 0 if none was given.
-        generation: Generation in which it was made.
-        made_by: Operator that made it, for example ``pg``.
-        parents: Evaluation ids of its parents, at most two.
-        steps: Length of that evaluation, control steps.
-        terminated: Whether that evaluation ended in a fall.
-        parameters: (P,) float32; per layer the weights (out, in) row by row, then the biases.
-        controller: Maps an observation, (observation_dim,) float32, to an action, (action_dim,) float32 within ±1.
-    """
-
-    cell: int
-    evaluation: int
-    fitness: float
-    descriptor: Float64Array
-    distance: float
-    generation: int
-    made_by: str
-    parents: tuple[int, ...]
-    steps: int
-    terminated: bool
-    parameters: Float32Array
-    controller: Callable[[Float32Array], Float32Array]
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,13 +119,23 @@ class StoredRun:
             return repertoire.load_archive()
 
     @cached_property
+    def elsewhere(self) -> tuple[Reevaluations, ...]:
+        """Re-evaluations in which other things were randomized than in the run."""
+        return Reevaluations.load_elsewhere(self.file, self.info.run_id, self.spec.descriptor_dim)
+
+    @cached_property
     def statistics(self) -> Statistics:
         """Mean and spread of the re-evaluations of each cell's elite."""
         return self.reevaluations.statistics(self.archive)
 
+    @cached_property
+    def corrected(self) -> CorrectedMetrics | None:
+        """Measures of the archive by re-evaluations, None if not all of its elites were re-evaluated."""
+        return complete_metrics(self.archive, self.statistics)
+
     @property
     def name(self) -> str:
-        """Name of the run's folder."""
+        """Name of the run's folder, or of the shipped repertoire."""
         return self.file.absolute().parent.name
 
     @property
@@ -183,36 +173,29 @@ class StoredRun:
             arrays |= {name: values[rows] for name, values in vars(self.statistics).items()}
         return arrays
 
-    def choices(self, min_fitness: float | None = None, by_mean: bool = False) -> Choices:
+    def choices(self, demands: Demands = ANY) -> Choices:
         """Return the elites to choose from.
 
         Args:
-            min_fitness: Minimum fitness, None for any.
-            by_mean: Whether elites are judged by their means over re-evaluations; those without any are left out.
+            demands: What they are judged by, and limits.
 
         Raises:
-            NotFoundError: `by_mean` is set, but no elite was re-evaluated.
+            NotFoundError: By their means alone, but none was re-evaluated.
         """
-        elites = self.statistics.as_elites(self.archive) if by_mean else self.archive
-        least = -math.inf if min_fitness is None else min_fitness
-        return Choices(self.archive, elites, self.spec.descriptor_names, least)
+        return Choices(self.archive, self.statistics, self.spec.descriptor_names, demands)
 
-    def behavior(self, cell: int, distance: float = 0.0) -> StoredBehavior:
+    def behavior(self, cell: int, distance: float = 0.0, demands: Demands = ANY) -> StoredBehavior:
         """Return the behavior of a cell.
+
+        Args:
+            cell: Its cell.
+            distance: Its distance to the descriptor that was asked for.
+            demands: What it was judged by.
 
         Raises:
             ArchiveError: There is no such cell, or it is empty.
         """
-        elite = self.archive.elite(cell)
-        values = {f.name: getattr(elite, f.name) for f in dataclasses.fields(elite)}
-        wanted = {f.name for f in dataclasses.fields(StoredBehavior)} & values.keys()
-        return StoredBehavior(
-            **{name: values[name] for name in wanted},
-            distance=distance,
-            made_by=elite.operator.label,
-            parents=tuple(p for p in (elite.parent1, elite.parent2) if p != NO_PARENT),
-            controller=MlpController(self.shape, elite.parameters),
-        )
+        return StoredBehavior.chosen(self.choices(demands), cell, self.shape, distance)
 
     def choose(
         self,
@@ -223,21 +206,28 @@ class StoredRun:
         random: bool = False,
         max_distance: float | None = None,
         min_fitness: float | None = None,
+        max_fall_share: float | None = None,
         by_mean: bool = False,
+        single: bool = False,
     ) -> StoredBehavior:
         """Return a behavior; the arguments are those of `pga_me_ros.client.RepertoireClient.get_behavior`.
 
+        Behaviors are judged by the means of their re-evaluations where they have any, else by their single evaluation.
+
         Args:
-            descriptor: d numbers; chooses the behavior nearest to it.
-            cell: Number of a cell; chooses the behavior of this cell.
-            best: Chooses the fittest behavior; the default.
-            random: Chooses a random behavior.
-            max_distance: Maximum distance to `descriptor`, None for any.
-            min_fitness: Minimum fitness, None for any.
-            by_mean: Whether to judge behaviors by their means over re-evaluations; those without any are left out.
+            descriptor: d numbers: the behavior nearest to it.
+            cell: Number of a cell: the behavior of this cell.
+            best: The fittest; also if nothing else is asked for.
+            random: Any.
+            max_distance: Greatest distance to `descriptor`, None for any.
+            min_fitness: Least fitness, None for any.
+            max_fall_share: Greatest share of its re-evaluations that ended in a fall, None for any.
+            by_mean: Whether behaviors without re-evaluations are left out.
+            single: Whether all are judged by their single evaluation.
 
         Raises:
-            RequestError: More than one way to choose is given, or the descriptor has the wrong length.
+            RequestError: More than one way to choose is given, arguments contradict each other, or the descriptor has
+                the wrong length.
             ArchiveError: There is no such cell, or a number is NaN or infinite.
             NotFoundError: No behavior fits.
         """
@@ -252,16 +242,25 @@ class StoredRun:
             raise RequestError(
                 f"max_distance is {max_distance}; give it together with a descriptor."
             )
-        choices = self.choices(min_fitness, by_mean)
+        choices = self.choices(
+            Demands(
+                Judging.of(by_mean=by_mean, single=single),
+                -math.inf if min_fitness is None else min_fitness,
+                math.inf if max_fall_share is None else max_fall_share,
+            )
+        )
+        distance = 0.0
         if descriptor is not None:
             farthest = math.inf if max_distance is None else max_distance
             cells, distances = choices.nearest(descriptor, 1, farthest)
-            return self.behavior(int(cells[0]), float(distances[0]))
-        if cell is not None:
-            return self.behavior(choices.of_cell(cell))
-        if random:  # not part of a run, so it need not be repeatable
-            return self.behavior(choices.any(np.random.default_rng()))
-        return self.behavior(choices.fittest())
+            chosen, distance = int(cells[0]), float(distances[0])
+        elif cell is not None:
+            chosen = choices.of_cell(cell)
+        elif random:  # what is looked at next is no part of a run, so it need not be repeatable
+            chosen = choices.any(np.random.default_rng())
+        else:
+            chosen = choices.fittest()
+        return StoredBehavior.chosen(choices, chosen, self.shape, distance)
 
 
 def _settings(file: Path, info: RunInfo) -> Settings:

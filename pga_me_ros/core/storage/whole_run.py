@@ -11,7 +11,7 @@ from typing import Any
 
 from pga_me_ros.core.archive.archive import Archive
 from pga_me_ros.core.archive.metrics import UNKNOWN, Metrics
-from pga_me_ros.core.storage.database import connect, create_file, explained
+from pga_me_ros.core.storage.database import connect, create_file, explained, insert_rows
 from pga_me_ros.core.storage.extremes import store_extremes
 from pga_me_ros.core.storage.rows import elite_to_row, metrics_to_row, xor_digests
 from pga_me_ros.core.storage.run_info import RunInfo
@@ -23,6 +23,8 @@ def store_whole_run(
     archive: Archive,
     metrics: Sequence[Metrics],
     rates: Mapping[str, Any],
+    *,
+    closed: bool = False,
 ) -> None:
     """Make a repertoire file of an archive and the metrics of its generations.
 
@@ -34,7 +36,9 @@ def store_whole_run(
         info: Identity of the run.
         archive: The archive after the last generation.
         metrics: Metrics of every generation, at least one.
-        rates: The rates, stored with every generation.
+        rates: The rates in force, stored with every generation.
+        closed: Whether nothing will ever be added, so that the file can do without a log beside it, and be read where
+            nothing can be written.
 
     Raises:
         StorageError: The file exists or cannot be written.
@@ -50,15 +54,15 @@ def store_whole_run(
         connection = connect(path, read_only=False)
         try:
             connection.execute("BEGIN IMMEDIATE")
-            marks = ", ".join("?" * len(elites[0]))
-            connection.executemany(f"INSERT INTO elites VALUES ({marks})", elites)
+            insert_rows(connection, "elites", elites)
             for generation in (*without, metrics[-1]):
                 last = generation is metrics[-1]
                 digest = xor_digests([row[-1] for row in elites] if last else [])
                 row = metrics_to_row(generation, rates, now, digest)
-                marks = ", ".join("?" * len(row))
-                connection.execute(f"INSERT INTO generations VALUES ({marks})", row)
+                insert_rows(connection, "generations", [row])
             store_extremes(connection, metrics[-1])
             connection.execute("COMMIT")
+            if closed:
+                connection.execute("PRAGMA journal_mode = DELETE")
         finally:
             connection.close()

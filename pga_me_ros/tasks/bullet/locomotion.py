@@ -18,6 +18,7 @@ from pga_me_ros.errors import TaskError
 from pga_me_ros.tasks.body import Body
 from pga_me_ros.tasks.bullet.coincidence import places_of
 from pga_me_ros.tasks.bullet.heading import Heading, Vector
+from pga_me_ros.tasks.bullet.randomized import Randomized
 from pga_me_ros.tasks.bullet.robots import ANT, HALF_CHEETAH, HOPPER, WALKER, Robot, build_spec
 from pga_me_ros.tasks.bullet.sums import Float32Means, threshold_after_rounding
 from pga_me_ros.tasks.bullet.world import World
@@ -50,8 +51,10 @@ class LocomotionTask:
 
     Args:
         render: Whether to open PyBullet's window.
+        randomization: What is another in each episode, see `pga_me_ros.tasks.randomization`; empty for nothing.
 
     Raises:
+        RandomizationError: The text makes no sense.
         TaskError: PyBullet cannot open a world or load the robot.
     """
 
@@ -60,12 +63,14 @@ class LocomotionTask:
     _diverged: bool
     _joints_at_limit: int
 
-    def __init__(self, *, render: bool = False) -> None:
+    def __init__(self, *, render: bool = False, randomization: str = "") -> None:
         """Open a world and begin an episode, so that every method may be called at once."""
         import pybullet
 
         self._pybullet = pybullet
         self._render = render
+        self.randomization = randomization
+        self._randomized = Randomized(randomization, planar=not self.robot.torso_is_base)
         self._torque_scales = tuple(self.robot.torques.values())
         contacts = self.robot.contact_links
         self._feet = tuple(contacts.index(foot) for foot in self.robot.feet)
@@ -90,11 +95,13 @@ class LocomotionTask:
             self._open_world()
         positions = rng.uniform(-INITIAL_SPREAD, INITIAL_SPREAD, len(self._torque_scales))
         self._world.begin_episode(positions.tolist())
+        if self._randomized.active:
+            self._randomized.begin_episode(rng, len(self._torque_scales), self.spec.max_steps)
         self._touching = [0.0] * len(self.robot.contact_links)
         self._contact_steps = [0.0] * len(self._feet)
         self._steps = 0
         self._initial_height = self._torso()[0][2]
-        return _clip(np.array(self._measure(), np.float32))
+        return _clip(self._sensed(np.array(self._measure(), np.float32)))
 
     def step(self, action: Float32Array) -> tuple[Float32Array, float, bool]:
         """Apply torques for one control period of 16.5 ms.
@@ -110,13 +117,18 @@ class LocomotionTask:
             TaskError: The action has the wrong length.
             NonFiniteActionError: The action holds NaN or infinity; nothing was simulated.
         """
-        pybullet, world = self._pybullet, self._world
+        pybullet, world, randomized = self._pybullet, self._world, self._randomized
         commands = np.asarray(action, np.float32).tolist()
+        torques = self._torques(commands)
+        if randomized.active:
+            commands = randomized.delayed(commands)
+            torques = randomized.torques(self._torques(commands))
+            randomized.push()
         pybullet.setJointMotorControlArray(
             world.robot,
             world.joints,
             pybullet.TORQUE_CONTROL,
-            forces=self._torques(commands),
+            forces=torques,
             physicsClientId=world.client,
         )
         pybullet.stepSimulation(world.client)
@@ -132,6 +144,8 @@ class LocomotionTask:
         reward = (1.0 if alive else -1.0) + (self._potential - old_potential)
         reward = reward + electricity + JOINT_AT_LIMIT_COST * self._joints_at_limit
         self._diverged = not math.isfinite(reward)
+        if randomized.active:
+            observation = _clip(self._sensed(observation))
         return observation, reward, self._diverged or (self.robot.can_fall and not alive)
 
     def descriptor(self) -> Float64Array:
@@ -175,6 +189,11 @@ class LocomotionTask:
         order = [world.torso, *self._read_links]
         self._pick_parts = itemgetter(*(order.index(place) for place in places))
         self._diverged = False
+        if self._randomized.active:
+            self._randomized.enter(world)
+
+    def _sensed(self, observation: Float32Array) -> Float32Array:
+        return self._randomized.sensed(observation, self._joint_end)
 
     def _torques(self, commands: list[float]) -> list[float]:
         if len(commands) != len(self._torque_scales):

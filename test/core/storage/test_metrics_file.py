@@ -8,13 +8,13 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from repertoires import make
 
 from pga_me_ros.core.operators import Operator
 from pga_me_ros.core.storage.metrics_file import COLUMNS, TIME_COLUMNS, MetricsFile
 from pga_me_ros.core.storage.repertoire import Repertoire
 from pga_me_ros.core.storage.rows import Generation
 from pga_me_ros.errors import StorageError
+from repertoires import make
 
 DOCUMENT = Path(__file__).parents[3] / "docs" / "reliability.md"
 

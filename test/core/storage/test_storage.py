@@ -12,7 +12,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from repertoires import INFO, RATES, P, empty, generations, grow, make
 
 from pga_me_ros.core.archive.cvt import CvtArchive
 from pga_me_ros.core.archive.elites import Solutions
@@ -22,6 +21,7 @@ from pga_me_ros.core.settings import Settings
 from pga_me_ros.core.storage.repertoire import Repertoire
 from pga_me_ros.core.storage.run_info import RunInfo
 from pga_me_ros.errors import StorageError
+from repertoires import INFO, RATES, P, empty, generations, grow, make
 
 SERVE = """
 import sys

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from repertoires import empty, generations, make, writer_in_a_transaction
 
 from pga_me_ros.core.storage.repertoire import Repertoire
 from pga_me_ros.errors import StorageError
+from repertoires import empty, generations, make, writer_in_a_transaction
 
 
 @pytest.fixture

@@ -13,6 +13,10 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+
+from pga_me_ros.core.storage.database import explained
+from pga_me_ros.core.storage.repertoire import Repertoire
+from pga_me_ros.errors import StorageError
 from repertoires import (
     ENVIRONMENT,
     INFO,
@@ -22,10 +26,6 @@ from repertoires import (
     make,
     writer_in_a_transaction,
 )
-
-from pga_me_ros.core.storage.database import explained
-from pga_me_ros.core.storage.repertoire import Repertoire
-from pga_me_ros.errors import StorageError
 
 READ = """
 import sys

@@ -96,8 +96,15 @@ def test_behaviors_are_judged_by_means_on_request(judged: StoredRun) -> None:
     lucky, steady = judged.statistics.repeats.nonzero()[0][
         np.argsort(judged.statistics.mean_fitness[judged.statistics.repeats > 0])
     ]
-    assert judged.choose().cell == lucky
+    assert judged.choose(single=True).cell == lucky
     assert judged.choose(by_mean=True).cell == steady
+    # Where there are no means, the single evaluation counts: both have become worse than a third one.
+    default = judged.choose()
+    assert default.cell not in (lucky, steady)
+    assert (default.by_mean, default.promised_fitness) == (False, default.fitness)
+    found = judged.choose(cell=int(lucky))
+    assert (found.by_mean, found.promised_fitness, found.promised_descriptor) == (True, 1.0, 0.25)
+    assert judged.choose(cell=int(lucky), single=True).promised_fitness == found.fitness > 1.0
     assert judged.choose(by_mean=True, descriptor=[0.7]).cell == steady
     assert {judged.choose(by_mean=True, random=True).cell for _ in range(50)} == {lucky, steady}
     other = next(c for c in judged.archive.filled_cells() if c not in (lucky, steady))
@@ -122,6 +129,9 @@ def test_behaviors_are_judged_by_means_on_request(judged: StoredRun) -> None:
         ({"min_fitness": 1e6, "cell": -2}, ArchiveError, "Cell -2 does not exist"),
         ({"cell": 30}, ArchiveError, "Cell 30 does not exist; give one from 0 to 29"),
         ({"by_mean": True}, RequestError, "No behavior of this repertoire was re-evaluated"),
+        ({"by_mean": True, "single": True}, RequestError, "by_mean and single contradict"),
+        ({"max_fall_share": -0.5}, RequestError, "max_fall_share is -0.5; give a share"),
+        ({"max_fall_share": 0.5}, RequestError, "at most 50 % of its evaluations; none was re"),
     ],
 )
 def test_impossible_choices_are_refused(
@@ -144,8 +154,9 @@ def test_arrays_have_a_row_per_elite_and_means_if_there_are_any(
     assert arrays["cell"].tolist() == run.archive.filled_cells().tolist()
     assert np.array_equal(arrays["parameters"], run.archive.parameters[run.archive.filled])
     assert "mean_fitness" not in arrays
-    best = judged.choose().cell
+    best = judged.choose(single=True).cell
     assert judged.arrays([best])["mean_fitness"].tolist() == [1.0]
+    assert judged.arrays([best])["fall_share"].tolist() == [1.0]
 
 
 def test_paths_without_a_run_are_refused(hopper_run: Path, run: StoredRun, tmp_path: Path) -> None:

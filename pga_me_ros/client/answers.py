@@ -1,0 +1,53 @@
+"""Answers of a repertoire as values, or as the error that they stand for."""
+
+from __future__ import annotations
+
+from pga_me_msgs.srv import GetBehavior, GetBehaviors, ListBehaviors
+
+from pga_me_ros.client.behaviors import Behavior, FoundBehavior, ListedBehavior
+from pga_me_ros.errors import PgaError, RequestError
+
+
+class BehaviorNotFoundError(PgaError):
+    """No behavior fits, or the request does not fit the repertoire; the message says why."""
+
+
+def read_behavior(response: GetBehavior.Response, *, with_controller: bool) -> FoundBehavior:
+    """Return the behavior of an answer.
+
+    Raises:
+        BehaviorNotFoundError: There is none.
+        NetworkError: Its controller is malformed.
+    """
+    if not response.found:
+        raise BehaviorNotFoundError(response.message)
+    if not with_controller:
+        return FoundBehavior.found(response)
+    return Behavior.from_response(response)
+
+
+def read_behaviors(
+    response: GetBehaviors.Response, *, with_controllers: bool
+) -> tuple[FoundBehavior, ...]:
+    """Return the behaviors of an answer.
+
+    Raises:
+        RequestError: The request was refused.
+        NetworkError: The answer is malformed.
+    """
+    if not response.ok:
+        raise RequestError(response.message)
+    if not with_controllers:
+        return FoundBehavior.all_found(response)
+    return Behavior.all_from_response(response)
+
+
+def read_list(response: ListBehaviors.Response) -> tuple[int, tuple[ListedBehavior, ...]]:
+    """Return the number of behaviors that fit, and the page of an answer.
+
+    Raises:
+        RequestError: The request was refused.
+    """
+    if not response.ok:
+        raise RequestError(response.message)
+    return response.total, tuple(ListedBehavior.from_msg(msg) for msg in response.behaviors)

@@ -1,0 +1,1 @@
+"""Asks a repertoire that is being served for behaviors, from a shell."""

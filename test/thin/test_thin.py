@@ -1,0 +1,242 @@
+"""A repertoire thinned to a few behaviors: which are kept, what goes with them, and that its name is enough."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+import shutil
+import sqlite3
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pga_me_ros.core.archive.archive import Archive
+from pga_me_ros.core.archive.cvt import CvtArchive
+from pga_me_ros.core.archive.elites import Solutions
+from pga_me_ros.core.archive.statistics import Statistics
+from pga_me_ros.core.storage.shipped import VARIABLE
+from pga_me_ros.core.storage.stored_run import StoredRun
+from pga_me_ros.errors import RequestError
+from pga_me_ros.export.__main__ import main as export
+from pga_me_ros.reevaluate.__main__ import reevaluate
+from pga_me_ros.thin.__main__ import main
+from pga_me_ros.thin.card import duration
+from pga_me_ros.thin.choosing import Thinning, thinned
+
+REPEATS = 3
+KEPT = 5
+
+
+@pytest.fixture(scope="module")
+def run(new_run: Callable[..., Path]) -> StoredRun:
+    """A run whose elites were re-evaluated."""
+    folder = new_run(seed=11, evaluations=60, random_init=60)
+    reevaluate(folder, REPEATS, processes=2)
+    return StoredRun.load(folder)
+
+
+@pytest.fixture(scope="module")
+def zoo(run: StoredRun, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with one thinned repertoire in it."""
+    zoo = tmp_path_factory.mktemp("zoo")
+    words = [str(run.file.parent), "--out", str(zoo / "tiny_hopper"), "--cells", str(KEPT)]
+    assert main([*words, "--remark", "On a machine of the tests."]) == 0
+    return zoo
+
+
+@pytest.fixture
+def named(zoo: Path, monkeypatch: pytest.MonkeyPatch) -> StoredRun:
+    """The thinned repertoire, read by its name."""
+    monkeypatch.setenv(VARIABLE, str(zoo))
+    return StoredRun.load("zoo/tiny_hopper")
+
+
+def test_what_is_kept_are_elites_of_the_run_with_their_re_evaluations(
+    run: StoredRun, named: StoredRun
+) -> None:
+    archive = named.archive
+    assert 2 <= archive.coverage <= KEPT
+    known = named.statistics
+    for cell in archive.filled_cells().tolist():
+        elite = archive.elite(cell)
+        (own,) = np.flatnonzero(run.archive.evaluations == elite.evaluation)
+        theirs = run.archive.elite(int(own))
+        assert dataclasses.replace(theirs, cell=cell).to_bytes() == elite.to_bytes()
+        for name, values in vars(known).items():
+            expected = getattr(run.statistics, name)[own]
+            np.testing.assert_array_equal(values[cell], expected, err_msg=name)
+        assert archive.cell_of(known.mean_descriptor[cell][None]).tolist() == [cell]
+    assert named.corrected is not None
+    assert named.corrected.coverage == archive.coverage, "none is hidden by another one"
+    assert set(named.reevaluations.evaluation.tolist()) == set(
+        archive.evaluations[archive.filled].tolist()
+    )
+
+
+def test_the_best_of_each_part_is_kept(run: StoredRun, named: StoredRun) -> None:
+    cells = run.archive.filled_cells()
+    means, places = run.statistics.mean_fitness[cells], run.statistics.mean_descriptor[cells]
+    parts = named.archive.cell_of(places)
+    assert set(parts.tolist()) == set(named.archive.filled_cells().tolist())
+    for part in set(parts.tolist()):
+        inside = parts == part
+        assert named.statistics.mean_fitness[part] == means[inside].max()
+
+
+def test_the_card_tells_where_it_comes_from(run: StoredRun, zoo: Path) -> None:
+    card = (zoo / "tiny_hopper" / "card.md").read_text()
+    assert card.startswith("# tiny_hopper: ")
+    assert f"Run {run.info.run_id}." in card
+    assert "60 evaluations in 6 generations" in card
+    assert "On a machine of the tests." in card
+    assert run.corrected is not None
+    assert f"| {100 * run.corrected.fall_share:.1f}% |" in card
+    assert "-p task:=qd_hopper -p seed:=11" in card
+    assert '-p controller_hidden:="[16, 8]"' in card
+    assert "reevaluate RUN --repeats 3" in card
+    assert f"thin RUN --out tiny_hopper --cells {KEPT}" in card
+    assert str(zoo) not in card, "it has a path of this machine"
+    assert re.search(r"foot/contact_share \d\.\d\d to \d\.\d\d", card)
+
+
+def test_the_file_can_be_read_where_nothing_can_be_written(
+    zoo: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = Path(shutil.copytree(zoo / "tiny_hopper", tmp_path / "tiny_hopper"))
+    with sqlite3.connect(folder / "repertoire.db") as connection:
+        (mode,) = connection.execute("PRAGMA journal_mode").fetchone()
+    connection.close()
+    assert mode == "delete"
+    before = sorted(path.name for path in folder.iterdir())
+    StoredRun.load(folder)
+    assert (
+        sorted(path.name for path in folder.iterdir())
+        == before
+        == [
+            "card.md",
+            "reevaluations.npz",
+            "repertoire.db",
+        ]
+    )
+
+
+def test_export_takes_the_name(
+    named: StoredRun, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "all.csv"
+    assert export(["zoo/tiny_hopper", "--to", "csv", "--out", str(out)]) == 0
+    assert len(out.read_text().splitlines()) == 1 + named.archive.coverage
+
+
+def test_for_an_unknown_name_the_nearest_is_offered(
+    named: StoredRun, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert export(["zoo/tiny_hoper", "--to", "csv", "--out", str(tmp_path / "x.csv")]) == 2
+    error = capsys.readouterr().err
+    assert error.startswith(
+        "error: There is no repertoire 'zoo/tiny_hoper' (did you mean 'zoo/tiny_hopper'?); those that come with"
+    )
+    assert error.count("\n") == 1
+
+
+def test_a_folder_of_ones_own_by_that_name_comes_first(
+    run: StoredRun, named: StoredRun, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    shutil.copytree(run.file.parent, tmp_path / "zoo" / "tiny_hopper")
+    assert StoredRun.load("zoo/tiny_hopper").archive.coverage == run.archive.coverage
+
+
+def test_a_repertoire_is_not_overwritten(
+    run: StoredRun, zoo: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    before = (zoo / "tiny_hopper" / "repertoire.db").read_bytes()
+    assert main([str(run.file.parent), "--out", str(zoo / "tiny_hopper")]) == 2
+    assert "holds a repertoire; give --out another folder" in capsys.readouterr().err
+    assert (zoo / "tiny_hopper" / "repertoire.db").read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--cells", "0"], "--cells is 0; give 1 or more"),
+        (["--max-fall-share", "5"], "--max-fall-share is 5.0; give a share from 0 to 1"),
+        (["--max-spread", "-1"], "--max-spread is -1.0; give a share from 0 to 1"),
+    ],
+)
+def test_numbers_that_make_no_sense_are_refused(
+    run: StoredRun,
+    tmp_path: Path,
+    words: list[str],
+    message: str,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    out = tmp_path / "out"
+    assert main([str(run.file.parent), "--out", str(out), *words]) == 2
+    assert message in capsys.readouterr().err
+    assert not out.exists()
+
+
+def test_without_re_evaluations_nothing_is_thinned(
+    hopper_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main([str(hopper_run), "--out", str(tmp_path / "out")]) == 2
+    assert "were re-evaluated twice or more" in capsys.readouterr().err
+
+
+@pytest.fixture
+def archive() -> Archive:
+    """Forty elites along a line, in cells of their own."""
+    places = (np.arange(40)[:, None] + 0.5) / 40
+    archive = CvtArchive(places, (0.0,), (1.0,), 1)
+    archive.add(
+        Solutions.of(
+            fitness=np.zeros(40),
+            descriptors=places,
+            parameters=np.zeros((40, 1)),
+            evaluations=range(40),
+        )
+    )
+    return archive
+
+
+def known(archive: Archive, fitness: np.ndarray, falls: np.ndarray, spread: float) -> Statistics:
+    return Statistics(
+        np.full(40, 10),
+        fitness,
+        np.ones(40),
+        archive.descriptors.copy(),
+        np.full((40, 1), spread),
+        falls,
+    )
+
+
+def test_as_many_as_wanted_are_kept_though_only_a_part_of_the_space_is_covered(
+    archive: Archive,
+) -> None:
+    archive.filled[:30] = False
+    kept = thinned(archive, known(archive, np.arange(40.0), np.zeros(40), 0.0), Thinning(8))
+    assert 7 <= kept.coverage <= 8
+    assert 39 in kept.evaluations[kept.filled]
+
+
+def test_what_falls_or_varies_too_much_is_left_out(archive: Archive) -> None:
+    falls = np.where(np.arange(40) % 2, 0.5, 0.0)
+    statistics = known(archive, np.arange(40.0), falls, 0.1)
+    kept = thinned(archive, statistics, Thinning(10, max_fall_share=0.2))
+    assert len(kept)
+    assert not (kept.evaluations[kept.filled] % 2).any()
+    with pytest.raises(RequestError, match=r"least spread of a descriptor is 0\.100; allow more"):
+        thinned(archive, statistics, Thinning(10, max_spread=0.05))
+
+
+def test_pauses_do_not_count_as_time(run: StoredRun) -> None:
+    first = run.generations[0]
+    times = [f"2026-01-01T00:{minute:02d}:00.000+00:00" for minute in range(0, 20, 2)]
+    times += [f"2026-01-03T07:{minute:02d}:00.000+00:00" for minute in range(0, 20, 2)]
+    generations = [dataclasses.replace(first, committed=time) for time in times]
+    # Nine steps of two minutes, the pause counted as one, nine more.
+    assert duration(generations) == "38 min"
+    assert duration(generations[:1]) == "an unknown time"
