@@ -124,7 +124,7 @@ class RecordedSearch(Search):
             for e in episodes
             for part in (e.states, e.actions, e.rewards, e.fitness, e.descriptor, e.terminated)
         ]
-        numbers = [value for _, value in sorted(asdict(metrics).items())]
+        numbers = [known_counts(value) for _, value in sorted(asdict(metrics).items())]
         self.digests["offspring"].append(digest(batch.parameters))
         self.digests["lineage"].append(
             digest(list(batch.evaluations), batch.operators, batch.parents)
@@ -216,7 +216,21 @@ def rows(connection: sqlite3.Connection, table: str, order: str) -> list[dict[st
 
 def results(row: Mapping[str, Any]) -> list[Any]:
     """Return the columns of a row that are part of the result."""
-    return [value for name, value in sorted(row.items()) if name not in NOT_RESULT]
+    found = [value for name, value in sorted(row.items()) if name not in NOT_RESULT]
+    return [json.dumps(known_counts(tuple(json.loads(v)))) if is_counts(v) else v for v in found]
+
+
+def is_counts(value: Any) -> bool:
+    """Whether a column of a repertoire file holds a count per operator."""
+    return isinstance(value, str) and value.startswith("[")
+
+
+def known_counts(value: Any) -> Any:
+    """Return counts per operator without the zeros at the end: an older revision may know fewer operators."""
+    if not isinstance(value, tuple):
+        return value
+    used = max((k for k, count in enumerate(value, start=1) if count), default=0)
+    return value[:used]
 
 
 def stored(folder: Path, start: str, prefix: str = "") -> Iterator[list[np.ndarray]]:
