@@ -47,6 +47,7 @@ ALGORITHMS: dict[str, dict[str, Any]] = {
     "td3": {"batch_size": 2, **CRITICS},
     "map_elites_es": {"es_samples": 6, "batch_size": 7, "es_steps": 2, "es_neighbors": 3},
     "qd_rl": {"batch_size": 5, "novelty_neighbors": 3, "state_archive_size": 300, **PG},
+    "dcrl_map_elites": {"batch_size": 7, "n_evo": 3, **PG},
 }
 TASKS: dict[str, dict[str, Any]] = {
     "qd_hopper": {"cells": 40, "cvt_samples": 2000},
@@ -91,6 +92,22 @@ def values_of(algorithm: str, task: str) -> dict[str, Any]:
     return {"algorithm": algorithm, "task": task, **chosen}
 
 
+def is_known(algorithm: str) -> bool:
+    """Whether the version that is imported has an algorithm."""
+    try:
+        Settings.from_mapping({"algorithm": algorithm})
+    except ValueError:
+        return False
+    return True
+
+
+def of_known_operators(counts: Any) -> Any:
+    """Return counts per operator without the zeros at their end: an operator that came later made nothing."""
+    if not isinstance(counts, tuple):
+        return counts
+    return counts[: max((i + 1 for i, n in enumerate(counts) if n), default=0)]
+
+
 def digest(*values: Any) -> str:
     """Return a digest of numbers, arrays, text and bytes, including types and shapes."""
     out = hashlib.sha256()
@@ -124,7 +141,7 @@ class RecordedSearch(Search):
             for e in episodes
             for part in (e.states, e.actions, e.rewards, e.fitness, e.descriptor, e.terminated)
         ]
-        numbers = [known_counts(value) for _, value in sorted(asdict(metrics).items())]
+        numbers = [of_known_operators(value) for _, value in sorted(asdict(metrics).items())]
         self.digests["offspring"].append(digest(batch.parameters))
         self.digests["lineage"].append(
             digest(list(batch.evaluations), batch.operators, batch.parents)
@@ -215,22 +232,12 @@ def rows(connection: sqlite3.Connection, table: str, order: str) -> list[dict[st
 
 
 def results(row: Mapping[str, Any]) -> list[Any]:
-    """Return the columns of a row that are part of the result."""
-    found = [value for name, value in sorted(row.items()) if name not in NOT_RESULT]
-    return [json.dumps(known_counts(tuple(json.loads(v)))) if is_counts(v) else v for v in found]
-
-
-def is_counts(value: Any) -> bool:
-    """Whether a column of a repertoire file holds a count per operator."""
-    return isinstance(value, str) and value.startswith("[")
-
-
-def known_counts(value: Any) -> Any:
-    """Return counts per operator without the zeros at the end: an older revision may know fewer operators."""
-    if not isinstance(value, tuple):
-        return value
-    used = max((k for k, count in enumerate(value, start=1) if count), default=0)
-    return value[:used]
+    """Return the columns of a row that are part of a result."""
+    values = [value for name, value in sorted(row.items()) if name not in NOT_RESULT]
+    return [
+        json.dumps(of_known_operators(tuple(json.loads(v)))) if isinstance(v, str) else v
+        for v in values
+    ]
 
 
 def stored(folder: Path, start: str, prefix: str = "") -> Iterator[list[np.ndarray]]:
@@ -265,6 +272,7 @@ def main(tree: str, *options: str) -> None:
         f"search {task} {algorithm}": search(algorithm, task)
         for task in TASKS
         for algorithm in ALGORITHMS
+        if is_known(algorithm)
     }
     if "no-graph" not in options:
         algorithm, task = GRAPH

@@ -1,9 +1,9 @@
 """Whether this checkout gives the same results as an older revision, bit for bit.
 
 Run: `make same-bits REV=HEAD~3`, or `.venv/bin/python bench/same_bits.py REV [--digests FILE]`; the last line is JSON,
-the exit code 0 only if every run has the same bits. Both trees carry out tiny runs of all six algorithms on two tasks
-in one process, and one run with the node graph. Compared are the offspring, episodes and metrics of every generation,
-the elites, and what was learned.
+the exit code 0 only if every run has the same bits. Both trees do tiny runs of all algorithms on two tasks in one
+process, and one run by the node graph. Compared are the offspring, episodes and metrics of every generation, the
+elites, and what was learned.
 
 The older revision is checked out into a temporary folder, but uses this checkout's environment. So its graph cannot
 run if the message definitions have changed. To compare it nevertheless, save its digests before, with `--digests`: the
@@ -122,7 +122,9 @@ def compare(older: Runs, ours: Runs) -> dict[str, str]:
     rows = {}
     for name, digests in ours.items():
         if name not in older:
-            print(f"not compared  {name}: there are no older digests; msg_defs has changed since.")
+            print(
+                f"not compared  {name}: there are no older digests; msg_defs has changed since, or it is new."
+            )
             continue
         rows[name] = difference(older[name], digests) or "same"
         same = rows[name] == "same"

@@ -112,6 +112,7 @@ TORCH = {
     "core/learning",
     "core/training",
     "core/variation/policy_gradient",
+    "core/algorithms/dcrl/textbook_step",
     "core/algorithms/qd_rl/learner",
     "core/algorithms/qd_rl/diversity_replay",
     "core/algorithms/td3/learner",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
@@ -10,6 +11,7 @@ import numpy as np
 
 from pga_me_ros.arrays import Float32Array, Float64Array, Int64Array
 from pga_me_ros.core.archive.elites import NO_PARENT, Solutions
+from pga_me_ros.tasks.rollout import Episode
 
 
 class Outcome(Protocol):
@@ -42,6 +44,7 @@ class Batch:
         operators: (b,) int64 values of `Operator`.
         parents: (b, 2) int64 evaluation ids of the parents, `NO_PARENT` for none.
         parameters: (b, P) float32.
+        intended: (b, d) float64 descriptors that they are meant to achieve, NaN where there is none.
     """
 
     generation: int
@@ -49,10 +52,13 @@ class Batch:
     operators: Int64Array
     parents: Int64Array
     parameters: Float32Array
+    intended: Float64Array
 
     @classmethod
-    def empty(cls, generation: int, evaluations: range, parameter_count: int) -> Batch:
-        """Return a batch to be filled in, in place."""
+    def empty(
+        cls, generation: int, evaluations: range, parameter_count: int, descriptor_dim: int
+    ) -> Batch:
+        """Return a batch that is still to be filled in, in place."""
         b = len(evaluations)
         return cls(
             generation,
@@ -60,7 +66,15 @@ class Batch:
             np.zeros(b, np.int64),
             np.full((b, 2), NO_PARENT, np.int64),
             np.empty((b, parameter_count), np.float32),
+            np.full((b, descriptor_dim), np.nan),
         )
+
+    def with_aims(self, episodes: Sequence[Episode]) -> list[Episode]:
+        """Return the batch's episodes, in order, with the descriptor that each was meant to achieve."""
+        return [
+            episode if np.isnan(aim).any() else dataclasses.replace(episode, intended=aim)
+            for episode, aim in zip(episodes, self.intended, strict=True)
+        ]
 
     def solutions(self, outcomes: Sequence[Outcome]) -> Solutions:
         """Return the batch as solutions for the archive.

@@ -19,6 +19,7 @@ class Operator(IntEnum):
     QUALITY = 6
     DIVERSITY = 7
     EXTRACTED = 8
+    ACTOR_INJECTION = 9
 
     @property
     def label(self) -> str:
@@ -31,9 +32,10 @@ class OperatorRow:
     """What the generation loop has to know about an operator.
 
     Attributes:
-        title: Name for users.
-        parents: Number of elites from which each of its offspring is made.
-        learned: Whether its offspring are made with the snapshot of what was learned for their generation.
+        title: Name for people.
+        parents: Elites that each of its offspring is made from; of an actor injection, the elite whose descriptor the
+            actor is asked for.
+        learned: Whether its offspring are made with what was learned for their generation, the snapshot.
         learned_from: First generation in which they are.
     """
 
@@ -53,6 +55,7 @@ OPERATORS: Mapping[Operator, OperatorRow] = {
     Operator.QUALITY: OperatorRow("quality", parents=1, learned=True),
     Operator.DIVERSITY: OperatorRow("diversity", parents=1, learned=True),
     Operator.EXTRACTED: OperatorRow("evaluated again"),
+    Operator.ACTOR_INJECTION: OperatorRow("actor injection", parents=1, learned=True),
 }
 """All operators. `core.variation.make_offspring` makes their offspring."""
 

@@ -11,16 +11,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pga_me_ros.arrays import Float32Array, Int64Array
 from pga_me_ros.core.algorithms import Slots, algorithm_of
 from pga_me_ros.core.algorithms.learners import make_learner
 from pga_me_ros.core.archive.archive import Archive
 from pga_me_ros.core.archive.depth import CellDepth
-from pga_me_ros.core.archive.elites import NO_PARENT
 from pga_me_ros.core.archive.make_archive import make_archive
 from pga_me_ros.core.archive.metrics import Metrics, generation_metrics
 from pga_me_ros.core.batch import Batch
 from pga_me_ros.core.evaluation import as_evaluated, evaluation_rng
+from pga_me_ros.core.networks.conditioned import conditions
 from pga_me_ros.core.networks.controller import MlpController
 from pga_me_ros.core.networks.shapes import controller_shape
 from pga_me_ros.core.operators import OPERATORS, Operator
@@ -67,11 +66,17 @@ class Search:
         self._imported = None if imported is None else np.array(imported, np.float32)
         self._before = settings
         self._snapshot: Snapshot | None = None
+        self._trained: TrainingOrder | None = None
 
     @property
     def generation(self) -> int:
         """Number of the generation that comes next."""
         return len(self.metrics)
+
+    @property
+    def trained(self) -> tuple[TrainingOrder, Snapshot] | None:
+        """The newest training and its outcome, None before the first."""
+        return (self._trained, self._snapshot) if self._trained and self._snapshot else None
 
     def run_generation(self, task: Task) -> Metrics:
         """Ask, evaluate in this process, and tell.
@@ -105,11 +110,10 @@ class Search:
         plan = self._plan()
         if plan.training:
             self._train_critic(plan.training)
-        batch = Batch.empty(plan.generation, plan.evaluations, self.shape.parameter_count)
+        count, dimensions = self.shape.parameter_count, self.spec.descriptor_dim
+        batch = Batch.empty(plan.generation, plan.evaluations, count, dimensions)
         for slots in plan.slots:
-            places = slice(slots.first, slots.first + slots.count)
-            batch.operators[places] = slots.operator
-            batch.parents[places], batch.parameters[places] = self._variation(plan, slots)
+            self._fill(batch, plan, slots)
         return batch
 
     def tell(self, batch: Batch, episodes: Sequence[Episode]) -> Metrics:
@@ -135,7 +139,7 @@ class Search:
         if plan.meanwhile:
             self._train_critic(plan.meanwhile)
         solutions = batch.solutions(episodes)
-        self.learner.add(batch.generation, episodes)
+        self.learner.add(batch.generation, batch.with_aims(episodes))
         offered = algorithm_of(self.settings).offered(solutions.operators)
         deep = self.depth
         added = deep.add(solutions, offered).added if deep else self.archive.add(solutions, offered)
@@ -158,26 +162,37 @@ class Search:
         elif self._snapshot.generation == order.generation:
             return
         self._snapshot = self.learner.train(self.settings, order.generation)
+        self._trained = order
 
-    def _variation(self, plan: GenerationPlan, slots: Slots) -> tuple[Int64Array, Float32Array]:
-        """Make the offspring of one operator (Alg. 5); return evaluation ids of parents, and parameters."""
+    def _fill(self, batch: Batch, plan: GenerationPlan, slots: Slots) -> None:
+        """Make the offspring of one operator (Alg. 5)."""
         s, t, first, n = plan.settings, plan.generation, slots.first, slots.count
-        parents = np.full((n, 2), NO_PARENT, np.int64)
+        places = slice(first, first + n)
+        batch.operators[places] = slots.operator
         if slots.operator == Operator.IMPORTED:
             assert self._imported is not None
-            return parents, self._imported[plan.evaluations[first : first + n]]
+            batch.parameters[places] = self._imported[plan.evaluations[places]]
+            return
         if slots.operator == Operator.EXTRACTED:
             assert self.depth is not None
-            parents[:, 0] = self.depth.draw(s.seed, t, n)
-            return parents, self.depth.parameters(parents[:, 0])
+            drawn = self.depth.draw(s.seed, t, n)
+            batch.parents[places, 0], batch.parameters[places] = drawn, self.depth.parameters(drawn)
+            return
         if slots.operator == Operator.GREEDY:
             assert self._snapshot is not None
-            return parents, self._snapshot.parameters(GREEDY)[None]
-        each = OPERATORS[slots.operator].parents
-        chosen = np.empty((n, 0, self.shape.parameter_count), np.float32)
+            batch.parameters[places] = self._snapshot.parameters(GREEDY)
+            return
+        algorithm, each = algorithm_of(s), OPERATORS[slots.operator].parents
+        cells = np.empty((n, 0), np.int64)
         if each:
-            cells = algorithm_of(s).choose_parents(self.archive, s, t, first, n, each)
-            parents[:, :each] = self.archive.evaluations[cells]
-            chosen = self.archive.parameters[cells]
-        request = OffspringRequest(s, self.shape, t, first, n, chosen, self._snapshot)
-        return parents, make_offspring(slots.operator, request)
+            cells = algorithm.choose_parents(self.archive, s, t, first, n, each)
+            batch.parents[places, :each] = self.archive.evaluations[cells]
+        aims = algorithm.intended(slots.operator, self.archive.descriptors[cells])
+        conditioned = None
+        if aims is not None:
+            batch.intended[places], conditioned = aims, conditions(aims, self.spec)
+        parents = self.archive.parameters[cells]
+        request = OffspringRequest(
+            s, self.shape, t, first, n, parents, self._snapshot, conditions=conditioned
+        )
+        batch.parameters[places] = make_offspring(slots.operator, request)

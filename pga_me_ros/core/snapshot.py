@@ -18,6 +18,10 @@ CRITIC = "critic"
 GREEDY = "greedy"
 """The greedy controller, pi_phic; in MAP-Elites-ES, the controller that the last step led to."""
 
+ACTOR = "actor"
+"""DCRL-MAP-Elites: the actor, pi_phi(s | d); its input is the observation, then a descriptor scaled to -1..1. There,
+`CRITIC` takes the same before the action."""
+
 CENTER = "center"
 """MAP-Elites-ES: the controller around which samples are drawn."""
 

@@ -35,6 +35,7 @@ class GenerationLoop:
     Args:
         run_id: Id of the run.
         shape: Layers of the controllers.
+        descriptor_dim: Number of descriptor dimensions.
         clients: Services of the other nodes.
         pool: Evaluators.
         critics: Client of the critic trainer.
@@ -46,6 +47,7 @@ class GenerationLoop:
         self,
         run_id: str,
         shape: MlpShape,
+        descriptor_dim: int,
         clients: LoopClients,
         pool: EvaluatorPool,
         critics: TrainerClient,
@@ -54,6 +56,7 @@ class GenerationLoop:
     ) -> None:
         self._run_id = run_id
         self._shape = shape
+        self._descriptor_dim = descriptor_dim
         self._clients = clients
         self._pool = pool
         self._critics = critics
@@ -72,7 +75,8 @@ class GenerationLoop:
             Metrics of the archive after the generation.
         """
         plan = GenerationPlan.of(settings, before, t, len(self._imported))
-        batch = Batch.empty(t, plan.evaluations, self._shape.parameter_count)
+        count = self._shape.parameter_count
+        batch = Batch.empty(t, plan.evaluations, count, self._descriptor_dim)
         self._pool.begin(t, plan.exploration_sigma)
         if plan.training and not self._critics.has(plan.training):
             self._critics.start(plan.training)  # no effect if it is running

@@ -83,6 +83,7 @@ class Run:
         self._loop = GenerationLoop(
             directory.run_id,
             shape,
+            spec.descriptor_dim,
             clients,
             self._pool,
             self._critics,

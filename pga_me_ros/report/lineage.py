@@ -14,10 +14,13 @@ from pga_me_ros.core.operators import OPERATORS, Operator
 from pga_me_ros.core.storage.stored_run import StoredRun
 from pga_me_ros.report.pictures import label_axes, save
 
-COLORS = ("#999999", "#e69f00", "#0072b2", "#000000", "#cc79a7", "#56b4e9", "#d55e00", "#009e73")
+COLORS = (
+    *("#999999", "#e69f00", "#0072b2", "#000000", "#cc79a7", "#56b4e9", "#d55e00", "#009e73"),
+    "#f0e442",
+)
 """Colors that the color-blind tell apart (Okabe and Ito), by operator; more operators than these share them."""
 
-MARKS = ("D", "^", "o", "*", "s", "v", "<", ">")
+MARKS = ("D", "^", "o", "*", "s", "v", "<", ">", "P")
 """Marks by operator, so that color is not all that tells them apart."""
 
 BARS = 40
@@ -25,7 +28,7 @@ BARS = 40
 
 
 def look(operator: int) -> tuple[str, str]:
-    """Return the color and the mark of an operator; no two of 64 operators have both in common."""
+    """Return the color and the mark of an operator; no two of 81 operators have both in common."""
     turn, place = divmod(operator, len(COLORS))
     return COLORS[place], MARKS[(place + turn) % len(MARKS)]
 

@@ -32,6 +32,8 @@ class Episode:
         descriptor: (descriptor_dim,) float64.
         terminated: Whether the robot fell, even in the last allowed step; False if only the time
             limit ended it.
+        intended: (descriptor_dim,) float64, the descriptor that its controller was meant to achieve; None where it was
+            meant to achieve none in particular.
     """
 
     states: Float32Array
@@ -40,12 +42,15 @@ class Episode:
     fitness: float
     descriptor: Float64Array
     terminated: bool
+    intended: Float64Array | None = None
 
     def __post_init__(self) -> None:
         """Copy arrays that come from users' code, or that would keep a longer array in memory."""
         for name in ("states", "actions", "rewards"):
             object.__setattr__(self, name, np.array(getattr(self, name), np.float32))
         object.__setattr__(self, "descriptor", np.array(self.descriptor, np.float64))
+        if self.intended is not None:
+            object.__setattr__(self, "intended", np.array(self.intended, np.float64))
 
     def __eq__(self, other: object) -> bool:
         """Return whether two episodes are equal, bit for bit except for the sign of zeros."""
@@ -53,7 +58,7 @@ class Episode:
             return NotImplemented
         return (self.fitness, self.terminated) == (other.fitness, other.terminated) and all(
             np.array_equal(getattr(self, name), getattr(other, name))
-            for name in ("states", "actions", "rewards", "descriptor")
+            for name in ("states", "actions", "rewards", "descriptor", "intended")
         )
 
     __hash__ = None  # type: ignore[assignment]

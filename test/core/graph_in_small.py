@@ -13,6 +13,7 @@ from pga_me_ros.core.archive.archive import Archive
 from pga_me_ros.core.archive.make_archive import make_archive
 from pga_me_ros.core.batch import Batch
 from pga_me_ros.core.evaluation import as_evaluated, evaluation_rng
+from pga_me_ros.core.networks.conditioned import conditions
 from pga_me_ros.core.networks.controller import MlpController
 from pga_me_ros.core.networks.shapes import controller_shape
 from pga_me_ros.core.operators import OPERATORS, Operator
@@ -99,38 +100,42 @@ class GraphInSmall:
         ]
         if dies_late:
             self.restart_learner()
+        told = batch.with_aims(episodes)
         for k in reversed(ids):
-            episode = self._algorithm.remembered(episodes[k - ids.start])
+            episode = self._algorithm.remembered(told[k - ids.start])
             self.learner.experience.stage(t, k, episode)
         self.learner.experience.store(t)
         solutions = batch.solutions(episodes)
         self.archive.add(solutions, self._algorithm.offered(solutions.operators))
 
     def _offspring(self, plan: GenerationPlan, snapshot: Snapshot | None) -> Batch:
-        batch = Batch.empty(plan.generation, plan.evaluations, self._shape.parameter_count)
+        count, dimensions = self._shape.parameter_count, self._task.spec.descriptor_dim
+        batch = Batch.empty(plan.generation, plan.evaluations, count, dimensions)
         for slots in plan.slots:
             end = slots.first + slots.count
             for first in range(slots.first, end, PIECE):
                 places = slice(first, min(first + PIECE, end))
                 n = places.stop - first
                 batch.operators[places] = slots.operator
-                ids, made = self._made(
+                ids, aims, made = self._made(
                     plan.settings, plan.generation, snapshot, slots.operator, first, n
                 )
                 batch.parents[places, : ids.shape[1]], batch.parameters[places] = ids, made
+                batch.intended[places] = np.nan if aims is None else aims
         return batch
 
     def _made(
         self, s: Settings, t: int, snapshot: Snapshot | None, operator: Operator, first: int, n: int
-    ) -> tuple[np.ndarray, np.ndarray]:
+    ) -> tuple[np.ndarray, np.ndarray | None, np.ndarray]:
         if operator == Operator.GREEDY:
             assert snapshot is not None
-            return np.empty((n, 0)), snapshot.parameters("greedy")[None]
+            return np.empty((n, 0)), None, snapshot.parameters("greedy")[None]
         each = OPERATORS[operator].parents
-        ids, chosen = np.empty((n, 0)), np.empty((n, 0, self._shape.parameter_count), np.float32)
+        cells = np.empty((n, 0), np.int64)
         if each:
             cells = self._algorithm.choose_parents(self.archive, s, t, first, n, each)
-            ids, chosen = self.archive.evaluations[cells], self.archive.parameters[cells]
-        return ids, make_offspring(
-            operator, OffspringRequest(s, self._shape, t, first, n, chosen, snapshot)
-        )
+        ids, chosen = self.archive.evaluations[cells], self.archive.parameters[cells]
+        aims = self._algorithm.intended(operator, self.archive.descriptors[cells])
+        scaled = None if aims is None else conditions(aims, self._task.spec)
+        request = OffspringRequest(s, self._shape, t, first, n, chosen, snapshot, conditions=scaled)
+        return ids, aims, make_offspring(operator, request)

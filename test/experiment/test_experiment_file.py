@@ -180,17 +180,28 @@ def test_shared_settings_go_to_the_systems_that_use_them(tmp_path: Path) -> None
     assert all(cell.settings.critic_hidden == (8,) for cell in cells if cell.system != "ga")
 
 
+SUCCESSOR = "dcrl_map_elites"
+
+
 @pytest.mark.parametrize("name", ["paper_small", "paper"])
-def test_the_supplied_experiments_are_valid_and_have_all_systems(name: str) -> None:
+def test_the_experiments_of_the_paper_are_sound_and_have_all_systems_of_it(name: str) -> None:
     experiment = read_experiment(CONFIG / f"{name}.yaml")
-    assert [system.name for system in experiment.systems] == list(ALGORITHMS)
+    of_the_paper = [a for a in ALGORITHMS if a != SUCCESSOR]
+    assert [system.name for system in experiment.systems] == of_the_paper
     assert experiment.reference == "pga_map_elites"
     if name == "paper":
         assert (len(experiment.seeds), experiment.budget) == (20, 1_000_000)
         assert experiment.tasks == tuple(BUILT_IN)
 
 
-def test_a_system_with_the_name_of_an_algorithm_is_that_algorithm(tmp_path: Path) -> None:
+def test_the_experiment_with_the_successor_is_sound() -> None:
+    experiment = read_experiment(CONFIG / "successor.yaml")
+    assert SUCCESSOR in [system.name for system in experiment.systems]
+    assert {cell.settings.algorithm for cell in experiment.cells} == {"pga_map_elites", SUCCESSOR}
+    assert len(experiment.seeds) == 3
+
+
+def test_a_system_that_is_called_like_an_algorithm_is_that_algorithm(tmp_path: Path) -> None:
     path = written(tmp_path, systems="{map_elites: {iso_sigma: 0.01}, mine: {n_evo: 30}}")
     cells = read_experiment(path).cells
     assert [(c.system, c.settings.algorithm) for c in cells[:2]] == [
@@ -213,7 +224,7 @@ def test_shared_settings_are_for_the_algorithms_that_use_them(tmp_path: Path) ->
     )
     first, second = (cell.settings for cell in read_experiment(path).cells[:2])
     assert (first.n_crit, first.controller_hidden) == (7, (16, 8))
-    assert (second.n_crit, second.controller_hidden) == (Settings.n_crit, (16, 8))
+    assert (second.n_crit, second.controller_hidden) == (Settings().n_crit, (16, 8))
 
 
 def test_a_setting_of_one_system_that_it_does_not_use_is_refused(tmp_path: Path) -> None:

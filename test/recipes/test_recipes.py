@@ -33,7 +33,9 @@ print(metrics.offspring, type(search.archive).__name__)
 
 
 def add_operator(copy: ChangedCopy) -> None:
-    copy.insert("pga_me_ros/core/operators.py", "    LEAP = 99\n", after="    DIVERSITY = 7\n")
+    copy.insert(
+        "pga_me_ros/core/operators.py", "    LEAP = 99\n", after="    ACTOR_INJECTION = 8\n"
+    )
     copy.insert(
         "pga_me_ros/core/operators.py",
         '    Operator.LEAP: OperatorRow("leap", parents=1),\n',
@@ -83,7 +85,9 @@ def test_a_new_algorithm(copy: ChangedCopy) -> None:
         before="from pga_me_ros.core.algorithms.map_elites import",
     )
     copy.insert(registry, ", Leaping()", after="QdRl()")
-    copy.insert(f"{core}/settings/run.py", '"leaping", ', before='"pga_map_elites", "map_elites"')
+    copy.insert(
+        f"{core}/settings/run.py", '"leaping", ', before='"pga_map_elites",\n    "map_elites",'
+    )
     copy.insert(
         f"{core}/settings/algorithms.py",
         '    leap: float = setting(0.5, "leaping: share.", low=0.0, high=1.0, part="leaping")\n',
@@ -101,7 +105,7 @@ def test_a_new_algorithm(copy: ChangedCopy) -> None:
     )
     assert named(copy, "leaping") - operators == files_of_recipe("An algorithm")
     printed = copy.run(SEARCH, "{'algorithm': 'leaping', 'leap': 0.25}")
-    assert printed == "(0, 0, 0, 0, 0, 0, 0, 0, 10) CvtArchive\n"
+    assert printed == "(0, 0, 0, 0, 0, 0, 0, 0, 0, 10) CvtArchive\n"
 
 
 def test_a_new_kind_of_archive(copy: ChangedCopy) -> None:

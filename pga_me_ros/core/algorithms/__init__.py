@@ -1,10 +1,11 @@
-"""The algorithms, by the value of the setting `algorithm`; section 4.2 of Nilsson & Cully (2021) compares them."""
+"""The algorithms by the value of the setting `algorithm`: section 4.2 of Nilsson & Cully (2021), and a successor."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 
 from pga_me_ros.core.algorithms.algorithm import Algorithm, Slots
+from pga_me_ros.core.algorithms.dcrl.dcrl import DcrlMapElites
 from pga_me_ros.core.algorithms.map_elites import MapElites
 from pga_me_ros.core.algorithms.map_elites_es.map_elites_es import MapElitesEs
 from pga_me_ros.core.algorithms.pg_only import PgOnly
@@ -17,7 +18,10 @@ __all__ = ["ALGORITHMS", "Algorithm", "Slots", "algorithm_of"]
 
 ALGORITHMS: Mapping[str, Algorithm] = {
     algorithm.name: algorithm
-    for algorithm in (PgaMapElites(), MapElites(), PgOnly(), Td3(), MapElitesEs(), QdRl())
+    for algorithm in (
+        *(PgaMapElites(), MapElites(), PgOnly(), Td3(), MapElitesEs(), QdRl()),
+        DcrlMapElites(),
+    )
 }
 """All of them, PGA-MAP-Elites first."""
 

@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from pga_me_ros.arrays import BoolArray, Int64Array
+from pga_me_ros.arrays import BoolArray, Float64Array, Int64Array
 from pga_me_ros.core.archive.archive import Archive
 from pga_me_ros.core.networks.mlp import MlpShape
 from pga_me_ros.core.networks.shapes import controller_shape, critic_shape
@@ -64,12 +64,14 @@ class Algorithm(ABC):
         title: Name for people, as in the paper.
         operators: What makes its offspring, after the random or imported controllers at the start.
         learns_critics: Whether it learns critics; it may learn something else, or nothing.
+        conditioned: Whether its critics, and an actor, are conditioned on a descriptor.
     """
 
     name: ClassVar[str]
     title: ClassVar[str]
     operators: ClassVar[tuple[Operator, ...]]
     learns_critics: ClassVar[bool] = True
+    conditioned: ClassVar[bool] = False
 
     def check_task(self, spec: TaskSpec) -> None:  # noqa: B027 - most algorithms take every task
         """Make sure that a task offers what the algorithm needs beyond what every task has.
@@ -165,6 +167,20 @@ class Algorithm(ABC):
             for place in range(first, first + count)
         ]
         return np.stack(draws)
+
+    def intended(self, operator: Operator, parents: Float64Array) -> Float64Array | None:
+        """Return the descriptors that an operator's offspring are meant to achieve.
+
+        What learns from their episodes is told, and offspring are made with networks that are conditioned on them.
+
+        Args:
+            operator: What makes the offspring.
+            parents: (n, each, d) float64 descriptors of their parents.
+
+        Returns:
+            (n, d) float64, None where offspring are meant to achieve nothing in particular.
+        """
+        return None
 
     def offered(self, operators: Int64Array) -> BoolArray:
         """Return which solutions are offered to the archive; all count as evaluations.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
+from pga_me_ros.core.algorithms.dcrl.learner import DcrlLearner
 from pga_me_ros.core.algorithms.map_elites_es.learner import EsLearner
 from pga_me_ros.core.algorithms.qd_rl.learner import QdRlLearner
 from pga_me_ros.core.algorithms.td3.learner import Td3Learner
@@ -16,6 +17,7 @@ LEARNERS: Mapping[str, Callable[[TaskSpec, Settings, int], Learner]] = {
     "td3": Td3Learner,
     "map_elites_es": lambda spec, settings, _: EsLearner(spec, settings),
     "qd_rl": QdRlLearner,
+    "dcrl_map_elites": DcrlLearner,
 }
 """Learners by the value of the setting `algorithm`; `CriticLearner` for the others."""
 

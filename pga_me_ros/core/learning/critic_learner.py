@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from pga_me_ros.arrays import Float32Array
 from pga_me_ros.core.learning.critic_trainer import CriticTrainer
 from pga_me_ros.core.learning.replay_buffer import ReplayBuffer
+from pga_me_ros.core.networks.shapes import RobotDimensions
 from pga_me_ros.core.rng import Purpose, generator
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.core.snapshot import CRITIC, GREEDY, Snapshot
@@ -25,6 +26,7 @@ class CriticLearner:
         spec: Task.
         settings: Settings of the run.
         workers: Threads of critic training.
+        seen: What the networks see of the robot, where that is not just its observation.
 
     Attributes:
         version: Critic training steps done since the start of the run.
@@ -35,10 +37,17 @@ class CriticLearner:
         PgaError: The machine cannot reserve memory for `replay_size` transitions.
     """
 
-    def __init__(self, spec: TaskSpec, settings: Settings, workers: int = 1) -> None:
+    def __init__(
+        self,
+        spec: TaskSpec,
+        settings: Settings,
+        workers: int = 1,
+        seen: RobotDimensions | None = None,
+    ) -> None:
         self._spec = spec
         self._settings = settings
-        self._trainer = CriticTrainer(spec, settings, workers)
+        self._dimensions = seen or spec
+        self._trainer = CriticTrainer(self._dimensions, settings, workers)
         self.version = 0
         self.newest = -1
         self._clear_replay()
@@ -133,5 +142,5 @@ class CriticLearner:
         return range(1, rates.n_crit + 1)
 
     def _clear_replay(self) -> None:
-        dims = (self._spec.observation_dim, self._spec.action_dim)
+        dims = (self._dimensions.observation_dim, self._dimensions.action_dim)
         self._replay = ReplayBuffer(self._settings.replay_size, *dims)

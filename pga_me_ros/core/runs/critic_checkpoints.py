@@ -13,8 +13,11 @@ from pga_me_ros.core.networks.mlp import MlpShape
 from pga_me_ros.core.plan import TrainingOrder
 from pga_me_ros.core.snapshot import CENTER, CRITIC, DIVERSITY_CRITIC, GREEDY, Network, Snapshot
 from pga_me_ros.core.storage.checkpoint import load_checkpoint, save_checkpoint
-from pga_me_ros.core.storage.generation_files import GenerationFiles
+from pga_me_ros.core.storage.generation_files import GenerationFiles, generations_of
 from pga_me_ros.errors import NetworkError, StorageError
+
+STEM = "critic"
+"""What the files' names begin with."""
 
 KEPT = 3
 """Number of newest checkpoints that are kept: a run may be resumed one generation before the newest."""
@@ -38,7 +41,7 @@ class CriticCheckpoints:
     """
 
     def __init__(self, directory: Path) -> None:
-        self._files = GenerationFiles(directory, "critic")
+        self._files = GenerationFiles(directory, STEM)
 
     def save(self, order: TrainingOrder, snapshot: Snapshot, state: CriticState) -> None:
         """Make the outcome of a training durable, and delete what is no longer needed.
@@ -108,22 +111,35 @@ class CriticCheckpoints:
                 self._files.delete(trained_for)
 
     def _load(self, generation: int) -> tuple[Snapshot, CriticState, TrainingOrder]:
-        path = self._files.path(generation)
-        arrays, meta = load_checkpoint(path)
-        state = {
-            n.removeprefix(STATE_PREFIX): a for n, a in arrays.items() if n.startswith(STATE_PREFIX)
-        }
-        try:
-            order = TrainingOrder(**meta.pop("order"))
-            networks = _networks(arrays, meta) if "networks" in meta else _older(arrays, meta)
-            states = arrays[f"{SNAPSHOT_PREFIX}states"]
-            snapshot = Snapshot(**{**meta, "networks": networks, "states": states})
-        except (KeyError, TypeError, AttributeError, NetworkError) as error:
-            raise StorageError(
-                f"'{path}' holds no outcome of a critic training ({error}); restore it from a copy, "
-                "or start a new run."
-            ) from error
-        return snapshot, state, order
+        return _load(self._files.path(generation))
+
+
+def newest_snapshot(directory: Path) -> Snapshot | None:
+    """Return the snapshot of the newest training in the folder of a run, None if no training has ended.
+
+    Raises:
+        StorageError: Its file is damaged.
+    """
+    generations = generations_of(directory, STEM)
+    return _load(directory / f"{STEM}-{generations[-1]:08d}.ckpt")[0] if generations else None
+
+
+def _load(path: Path) -> tuple[Snapshot, CriticState, TrainingOrder]:
+    arrays, meta = load_checkpoint(path)
+    state = {
+        n.removeprefix(STATE_PREFIX): a for n, a in arrays.items() if n.startswith(STATE_PREFIX)
+    }
+    try:
+        order = TrainingOrder(**meta.pop("order"))
+        networks = _networks(arrays, meta) if "networks" in meta else _older(arrays, meta)
+        states = arrays[f"{SNAPSHOT_PREFIX}states"]
+        snapshot = Snapshot(**{**meta, "networks": networks, "states": states})
+    except (KeyError, TypeError, AttributeError, NetworkError) as error:
+        raise StorageError(
+            f"'{path}' holds no outcome of a critic training ({error}); restore it from a copy, "
+            "or start a new run."
+        ) from error
+    return snapshot, state, order
 
 
 def _networks(arrays: Mapping[str, NDArray[Any]], meta: Mapping[str, Any]) -> dict[str, Network]:

@@ -200,7 +200,7 @@ class Experience:
 
 
 def _pack(episodes: Sequence[Episode]) -> dict[str, np.ndarray]:
-    return {
+    arrays = {
         "states": np.concatenate([e.states for e in episodes]),
         "actions": np.concatenate([e.actions for e in episodes]),
         "rewards": np.concatenate([e.rewards for e in episodes]),
@@ -209,10 +209,16 @@ def _pack(episodes: Sequence[Episode]) -> dict[str, np.ndarray]:
         "descriptors": np.stack([e.descriptor for e in episodes]),
         "terminated": np.array([e.terminated for e in episodes], np.bool_),
     }
+    if any(e.intended is not None for e in episodes):
+        none = np.full_like(episodes[0].descriptor, np.nan)
+        aims = [none if e.intended is None else e.intended for e in episodes]
+        arrays["intended"] = np.stack(aims)
+    return arrays
 
 
 def _unpack(arrays: dict[str, np.ndarray]) -> Iterator[Episode]:
     step = 0
+    aims = arrays.get("intended", np.full_like(arrays["descriptors"], np.nan))
     for i, length in enumerate(arrays["lengths"].tolist()):
         yield Episode(
             states=arrays["states"][step + i : step + i + length + 1],
@@ -221,5 +227,6 @@ def _unpack(arrays: dict[str, np.ndarray]) -> Iterator[Episode]:
             fitness=float(arrays["fitness"][i]),
             descriptor=arrays["descriptors"][i],
             terminated=bool(arrays["terminated"][i]),
+            intended=None if np.isnan(aims[i]).any() else aims[i],
         )
         step += length

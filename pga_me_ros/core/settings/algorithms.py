@@ -75,6 +75,23 @@ class AlgorithmSettings(ExtractionSettings):
         choices=("biased", "plain"),
         part="map_elites_es",
     )
+    injection_share: float = setting(
+        0.5,
+        "dcrl_map_elites: share of the offspring not made by GA that are the actor itself, asked for an elite's "
+        "descriptor; the others are made by policy gradients.",
+        low=0.0,
+        high=1.0,
+        part="dcrl_map_elites",
+    )
+    similarity_length: float = setting(
+        0.1,
+        "dcrl_map_elites: distance between the intended and the achieved descriptor, both scaled to -1..1, at which a "
+        "reward counts 1/e of its full value.",
+        low=1e-6,
+        high=1e6,
+        symbol="l",
+        part="dcrl_map_elites",
+    )
     novelty_neighbors: int = setting(
         5,
         "qd_rl: nearest neighbors whose mean distance is the novelty of an elite, and of a state.",

@@ -42,28 +42,31 @@ class LearningSettings(RunSettings):
         part="genetic",
     )
     n_grad: int = setting(
-        10,
-        "Policy gradient steps per offspring.",
-        low=1,
+        0,
+        "Policy gradient steps per offspring; 0: the algorithm's own number (Table 1: 10).",
+        low=0,
         high=10_000,
+        own=True,
         unit="steps",
         symbol="n_grad",
         rate=True,
         part="gradients",
     )
     pg_learning_rate: float = setting(
-        0.001,
-        "Adam learning rate of policy gradient variation.",
-        low=0.0,
+        -1.0,
+        "Adam learning rate of policy gradient variation; -1: the algorithm's own (Table 1: 0.001).",
+        low=-1.0,
         high=10.0,
+        own=True,
         rate=True,
         part="gradients",
     )
     n_crit: int = setting(
-        300,
-        "Critic training steps per generation.",
-        low=1,
+        0,
+        "Critic training steps per generation; 0: the algorithm's own number (Table 1: 300).",
+        low=0,
         high=1_000_000,
+        own=True,
         unit="steps",
         symbol="n_crit",
         rate=True,
@@ -122,13 +125,14 @@ class LearningSettings(RunSettings):
     )
 
     transition_batch: int = setting(
-        256,
-        "Transitions per training batch.",
-        low=1,
+        0,
+        "Transitions per training batch; 0: the algorithm's own number (Table 1: 256).",
+        low=0,
         high=1_000_000,
         unit="transitions",
         symbol="N",
         part="critics",
+        own=True,
     )
     replay_size: int = setting(
         0,

@@ -43,6 +43,10 @@ class Rules:
             "replay_size": 1_000_000,
             "schedule": "alternating",
             "n_evo": 0,
+            "n_crit": 300,
+            "transition_batch": 256,
+            "n_grad": 10,
+            "pg_learning_rate": 0.001,
         }
 
     def check(self, settings: AlgorithmSettings) -> None:
@@ -59,6 +63,11 @@ class Rules:
             raise SettingsError(
                 f"batch_size is {settings.batch_size}; {settings.algorithm} needs at least 2 controllers per "
                 "generation."
+            )
+        if settings.pg_learning_rate < 0.0:
+            raise SettingsError(
+                f"pg_learning_rate is {settings.pg_learning_rate}; expected a value from 0.0 to 10.0, or -1 for the "
+                "algorithm's own."
             )
 
     def check_extraction(self, settings: AlgorithmSettings) -> None:
@@ -180,6 +189,21 @@ class _QdRl(Rules):
         return {**super().own_values(given), "batch_size": 4}
 
 
+class _DcrlMapElites(_PgaMapElites):
+    parts = (*GRADIENTS, "genetic", "dcrl_map_elites")
+    fixed: ClassVar = {
+        "greedy_init": "starts its actor at random: no controller has the actor's layers"
+    }
+
+    def own_values(self, given: Mapping[str, Any]) -> dict[str, Any]:
+        """Values of its authors' program (`configs/algo/dcrl_me.yaml`); a batch of random controllers comes first."""
+        b = given.get("batch_size", 256)
+        own = {"batch_size": b, "random_init": b, "n_evo": b // 2}
+        learning = {"n_crit": 3000, "transition_batch": 100}
+        pg = {"n_grad": 150, "pg_learning_rate": 0.005}
+        return {**super().own_values(given), **own, **learning, **pg}
+
+
 RULES: Mapping[str, Rules] = {
     "pga_map_elites": _PgaMapElites(),
     "map_elites": _MapElites(),
@@ -187,6 +211,7 @@ RULES: Mapping[str, Rules] = {
     "td3": _Td3(),
     "map_elites_es": _MapElitesEs(),
     "qd_rl": _QdRl(),
+    "dcrl_map_elites": _DcrlMapElites(),
 }
 """The rules of every algorithm, by the value of the setting `algorithm`."""
 

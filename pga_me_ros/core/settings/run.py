@@ -9,7 +9,15 @@ from pga_me_ros.core.settings.field import INT64_MAX, setting
 ARCHIVE_KINDS = ("cvt", "grid")
 """Values of `archive`; `core.archive.make_archive` makes them."""
 
-ALGORITHM_NAMES = ("pga_map_elites", "map_elites", "pg_only", "td3", "map_elites_es", "qd_rl")
+ALGORITHM_NAMES = (
+    "pga_map_elites",
+    "map_elites",
+    "pg_only",
+    "td3",
+    "map_elites_es",
+    "qd_rl",
+    "dcrl_map_elites",
+)
 """Values of `algorithm`; `core.settings.rules` has the rules of each, `core.algorithms` the algorithms themselves."""
 
 
@@ -27,7 +35,8 @@ class RunSettings:
     )
     algorithm: str = setting(
         "pga_map_elites",
-        "PGA-MAP-Elites, or an algorithm that it is compared with (section 4.2); docs/algorithms.md describes each.",
+        "PGA-MAP-Elites, an algorithm that it is compared with (section 4.2), or its successor DCRL-MAP-Elites; "
+        "docs/algorithms.md describes each.",
         choices=ALGORITHM_NAMES,
     )
     seed: int = setting(0, "Seed of every random draw of the run.", low=0, high=INT64_MAX)

@@ -6,10 +6,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from pga_me_ros.arrays import Float32Array
+from pga_me_ros.core.networks.conditioned import folded
 from pga_me_ros.core.networks.mlp import MlpShape
 from pga_me_ros.core.operators import Operator
 from pga_me_ros.core.settings import Settings
-from pga_me_ros.core.snapshot import CENTER, CRITIC, DIVERSITY_CRITIC, Snapshot
+from pga_me_ros.core.snapshot import ACTOR, CENTER, CRITIC, DIVERSITY_CRITIC, Snapshot
 from pga_me_ros.core.variation.genetic import ga_offspring
 from pga_me_ros.core.variation.mirrored_samples import es_samples
 from pga_me_ros.core.variation.policy_gradient import pg_states, pg_variation
@@ -28,7 +29,9 @@ class OffspringRequest:
         count: Number of offspring, at least 1.
         parents: (count, parents per offspring, P) float32 parameters.
         snapshot: What was learned for their generation; None for an operator that does not need it.
-        workers: Number of threads; no result depends on it.
+        workers: Threads; no result depends on their number.
+        conditions: (count, d) float32 descriptors that the snapshot's networks are conditioned on, scaled to ±1; None
+            for networks that are not.
     """
 
     settings: Settings
@@ -39,6 +42,7 @@ class OffspringRequest:
     parents: Float32Array
     snapshot: Snapshot | None = None
     workers: int = 1
+    conditions: Float32Array | None = None
 
 
 def make_offspring(operator: Operator, wanted: OffspringRequest) -> Float32Array:
@@ -49,7 +53,7 @@ def make_offspring(operator: Operator, wanted: OffspringRequest) -> Float32Array
         wanted: What to make.
 
     Raises:
-        NetworkError: A parent does not fit the layers.
+        NetworkError: A parent or a condition does not fit the layers.
         RequestError: The snapshot lacks a network that the operator needs, or has no states for those places.
     """
     return MAKERS[operator](wanted)
@@ -74,6 +78,8 @@ def _diversity(w: OffspringRequest) -> Float32Array:
 def _climb(w: OffspringRequest, name: str) -> Float32Array:
     assert w.snapshot is not None
     critic_shape, critic = w.snapshot.network(name)
+    if w.conditions is not None:
+        critic_shape, critic = folded(critic_shape, critic, w.shape.sizes[0], w.conditions)
     return pg_variation(
         w.parents[:, 0],
         critic,
@@ -85,6 +91,12 @@ def _climb(w: OffspringRequest, name: str) -> Float32Array:
         device=w.settings.device,
         workers=w.workers,
     )
+
+
+def _actor_injection(w: OffspringRequest) -> Float32Array:
+    assert w.snapshot is not None
+    assert w.conditions is not None
+    return folded(*w.snapshot.network(ACTOR), w.shape.sizes[0], w.conditions)[1]
 
 
 def _es_sample(w: OffspringRequest) -> Float32Array:
@@ -103,5 +115,6 @@ MAKERS: dict[Operator, Callable[[OffspringRequest], Float32Array]] = {
     Operator.ES_SAMPLE: _es_sample,
     Operator.QUALITY: _pg,
     Operator.DIVERSITY: _diversity,
+    Operator.ACTOR_INJECTION: _actor_injection,
 }
 """Makers by operator. The greedy controller and imported ones have none, as they already exist."""

@@ -31,12 +31,12 @@ def pg_variation(
 ) -> Float32Array:
     """Return one offspring per parent: n_grad Adam steps up the mean of Q1(s, pi(s)) (Eq. 1).
 
-    On a CPU an offspring depends only on its parent, the critic, its states and `threads`: it is
-    the same, bit for bit, alone, in any batch, and with any number of workers.
+    On a CPU an offspring depends on nothing but its parent, its critic, its states and `threads`:
+    it is bit for bit the same alone, in any batch, and with any number of workers.
 
     Args:
         parents: (n, P) float32 controllers.
-        critic: (P_critic,) float32, Q1; unchanged.
+        critic: (P_critic,) float32, Q1, or (n, P_critic), one for each offspring; it stays as it is.
         states: (n_grad, N, obs_dim) float32 batches shared by all offspring, or (n, n_grad, N,
             obs_dim) with separate batches for each (setting pg_batches).
         learning_rate: Learning rate of Adam; each offspring starts with fresh moments.
@@ -59,9 +59,9 @@ def pg_variation(
     offspring = np.empty_like(parents)
     if not len(parents):
         return offspring
-    own = states.ndim == 4
-    # A CPU is fastest with one offspring at a time, as activations then stay in its cache; a GPU
-    # with all at once.
+    own, own_critics = states.ndim == 4, critic.ndim == 2
+    # A CPU is fastest with one offspring at a time, whose activations stay in its cache; a GPU with
+    # all at once.
     size = 1 if problem.device.type == "cpu" else len(parents)
     chunks = [slice(i, i + size) for i in range(0, len(parents), size)]
     todo = iter(chunks)  # shared by all threads
@@ -69,10 +69,11 @@ def pg_variation(
     def climb(goes_on: GoesOn) -> None:
         torch.set_num_threads(threads)  # torch keeps this number per thread, too
         with torch.no_grad():
-            climber = _Climber(problem, critic, size, states.shape[-2])
+            climber = _Climber(problem, size, states.shape[-2])
             for chunk in todo:
                 batches = states[chunk] if own else states[None]
-                offspring[chunk] = climber.climb(parents[chunk], batches)
+                critics = critic[chunk] if own_critics else critic[None]
+                offspring[chunk] = climber.climb(parents[chunk], critics, batches)
                 if not goes_on():
                     break
 
@@ -94,26 +95,31 @@ class _Problem:
 class _Climber:
     """E offspring under way, with the memory for it.
 
-    Each chunk of parents is copied to the same place: a matrix product may round differently at
-    another alignment, so rows of a larger array would not give the same bits as an offspring
+    Each chunk of parents and critics is copied to the same place: a matrix product may round otherwise
+    at another alignment, so rows of a larger array would not give the same bits as the same offspring
     alone.
     """
 
-    def __init__(self, problem: _Problem, critic: Float32Array, size: int, rows: int) -> None:
+    def __init__(self, problem: _Problem, size: int, rows: int) -> None:
         self._device = problem.device
         self._learning_rate = problem.learning_rate
         count = problem.controller_shape.parameter_count
         self._controllers = torch.zeros((size, count), device=problem.device)
-        # All follow the same critic; repeated for the batched product.
-        q1 = torch.from_numpy(critic.copy()).to(problem.device).repeat(size, 1)
+        # One each, even where all follow the same critic, so that a batched product takes them side by side.
+        self._critics = torch.zeros(
+            (size, problem.critic_shape.parameter_count), device=problem.device
+        )
         self._ascent = make_value_ascent(
-            self._controllers, problem.controller_shape, q1, problem.critic_shape, rows
+            self._controllers, problem.controller_shape, self._critics, problem.critic_shape, rows
         )
         self._adam = make_adam(self._controllers)
 
-    def climb(self, parents: Float32Array, batches: Float32Array) -> Float32Array:
-        """Return (E, P) offspring of (E, P) parents for batches (E or 1, n_grad, N, obs_dim)."""
+    def climb(
+        self, parents: Float32Array, critics: Float32Array, batches: Float32Array
+    ) -> Float32Array:
+        """Return (E, P) offspring of (E, P) parents up critics (E or 1, P) for batches (E or 1, n_grad, N, obs_dim)."""
         self._controllers.copy_(torch.from_numpy(parents.copy()))
+        self._critics.copy_(torch.from_numpy(critics.copy()))
         reset_adam(self._adam)
         states = list(torch.from_numpy(batches).to(self._device).unbind(1))
         climb_on(self._ascent, self._adam, states, self._learning_rate)
@@ -130,7 +136,12 @@ def _check(
             f"A critic with layers {list(critics.sizes)} is incompatible with controllers of layers "
             f"{list(controllers.sizes)}: it must take {obs_dim} + {act_dim} numbers and give one."
         )
-    critics.check(critic)
+    for each in critic if critic.ndim == 2 else critic[None]:
+        critics.check(each)
+    if critic.ndim == 2 and len(critic) != len(parents):
+        raise NetworkError(
+            f"There are {len(critic)} critics for {len(parents)} parents; expected one, or one for each."
+        )
     if parents.ndim != 2:
         raise NetworkError(f"Parents have shape {parents.shape}, expected (n, P).")
     for parent in parents:

@@ -31,6 +31,7 @@ SETTINGS_OF = {
     "map_elites": settings_of("map_elites"),
     "pg_only": settings_of("pg_only"),
     "td3": settings_of("td3", batch_size=4),
+    "dcrl_map_elites": settings_of("dcrl_map_elites"),
 }
 BRIEF = {
     name: s.replace(

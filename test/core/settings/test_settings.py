@@ -131,6 +131,9 @@ def test_every_other_setting_is_part_of_it() -> None:
         ("pga_map_elites", "es_samples", 100),
         ("pga_map_elites", "exploration_sigma", 0.2),
         ("pga_map_elites", "novelty_neighbors", 3),
+        ("pga_map_elites", "similarity_length", 0.2),
+        ("dcrl_map_elites", "greedy_init", "best"),
+        ("dcrl_map_elites", "greedy_takes", "ga"),
     ],
 )
 def test_a_value_that_would_change_nothing_is_refused(
@@ -155,6 +158,8 @@ def test_a_grid_refuses_settings_of_a_tessellation(name: str, value: int) -> Non
         ("td3", {"batch_size": 10, "n_evo": 0, "schedule": "alternating"}),
         ("map_elites_es", {"batch_size": 1001, "random_init": 1, "replay_size": 1}),
         ("qd_rl", {"batch_size": 4, "n_evo": 0, "schedule": "alternating"}),
+        ("qd_rl", {"n_crit": 300, "n_grad": 10, "transition_batch": 256}),
+        ("dcrl_map_elites", {"batch_size": 256, "n_evo": 128, "schedule": "overlapped"}),
     ],
 )
 def test_the_name_of_an_algorithm_sets_its_own_values(
