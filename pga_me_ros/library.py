@@ -7,7 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pga_me_ros.core.algorithms import algorithm_of
 from pga_me_ros.core.evaluation import as_evaluated, evaluation_rng
+from pga_me_ros.core.networks.conditioned import ConditionedActor
+from pga_me_ros.core.runs.critic_checkpoints import CriticCheckpoints
+from pga_me_ros.core.runs.stored_actor import stored_actor
 from pga_me_ros.core.storage import stored_run
 from pga_me_ros.core.storage.metrics_file import METRICS_FILE, MetricsFile
 from pga_me_ros.core.storage.run_info import RunInfo
@@ -55,6 +59,17 @@ class StoredRun(stored_run.StoredRun):
             for kind, key in (("mean", "mean_descriptor"), ("spread", "descriptor_spread")):
                 columns |= {f"{kind}:{name}": arrays[key][:, k] for k, name in enumerate(names)}
         return pd.DataFrame(columns)
+
+    def actor(self) -> ConditionedActor:
+        """Return the actor of a run of DCRL-MAP-Elites: one network that is asked for a descriptor at each step.
+
+        It needs NumPy alone. `ConditionedActor.at` makes a plain controller of it.
+
+        Raises:
+            RequestError: The algorithm of the run learns no such actor.
+            StorageError: The folder lacks the checkpoints of the critics, or one is damaged.
+        """
+        return stored_actor(self)
 
     def rollout(
         self, behavior: StoredBehavior, seed: int | None = None, task: Task | None = None
@@ -117,8 +132,9 @@ class StoredRun(stored_run.StoredRun):
 def save_run(path: str | Path, search: Search) -> StoredRun:
     """Store a search, so that it can be read, served, exported, rendered and reported on like any other run.
 
-    Learning curves are complete, except for the worst and the best elite of earlier generations. Critics are not
-    stored, so only an algorithm without critics can resume the run. The present rates are stored.
+    Learning curves are complete, apart from the worst and the best elite of earlier generations. Experience is not
+    stored, so only an algorithm that learns nothing can go on from the folder. An actor that is conditioned on
+    descriptors is stored with its critics (`StoredRun.actor`). Rates are stored as they are now.
 
     Args:
         path: Folder for the run.
@@ -136,6 +152,8 @@ def save_run(path: str | Path, search: Search) -> StoredRun:
     file = Path(path) / stored_run.REPERTOIRE
     info = RunInfo.of_new_run(search.spec, search.settings)
     store_whole_run(file, info, search.archive, search.metrics, search.settings.rates)
+    if search.trained and algorithm_of(search.settings).conditioned:
+        CriticCheckpoints(file.parent).save(*search.trained, search.learner.state())
     run = StoredRun.load(file)
     MetricsFile(file.with_name(METRICS_FILE)).rebuild(run.generations, run.reevaluations.measured)
     return run

@@ -74,6 +74,22 @@ def hopper_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="session")
+def dcrl_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the folder of a small finished run of DCRL-MAP-Elites, with its actor; read it, or copy it."""
+    from pga_me_ros import Search, save_run
+
+    learning = {"n_crit": 20, "n_grad": 2, "transition_batch": 32, "critic_hidden": (16,)}
+    small = {**SMALL, **learning, "algorithm": "dcrl_map_elites", "random_init": 10, "n_evo": 5}
+    settings = Settings.from_mapping({**small, "evaluations": 30})
+    task = make_task(settings.task)
+    search = Search(task.spec, settings)
+    for _ in range(settings.generations):
+        search.run_generation(task)
+    task.close()
+    return save_run(tmp_path_factory.mktemp("dcrl") / "run", search).file.parent
+
+
+@pytest.fixture(scope="session")
 def new_run(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
     """Return a function that carries out and stores another run, with some settings changed."""
 

@@ -26,15 +26,9 @@ from pga_me_ros.core.storage.stored_run import repertoire_file
 from pga_me_ros.errors import RequestError, SettingsError, StorageError
 from pga_me_ros.ros import names, qos
 from pga_me_ros.ros.command_line import Program
-from pga_me_ros.ros.convert import (
-    finite,
-    flat,
-    metrics_to_msg,
-    shaped,
-    with_rates,
-)
+from pga_me_ros.ros.convert import finite, flat, metrics_to_msg, shaped, with_rates
 from pga_me_ros.ros.elites_topic import elites_to_msg
-from pga_me_ros.ros.evaluated_chunk import evaluated_from_msg
+from pga_me_ros.ros.evaluations import evaluated_from_msg
 from pga_me_ros.ros.graph_node import GraphNode
 from pga_me_ros.ros.namesakes import leave_to_elders
 from pga_me_ros.ros.options import RunOptions

@@ -6,7 +6,7 @@ import os
 import threading
 import time
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 os.environ.setdefault(
     "OPENBLAS_NUM_THREADS", "1"
@@ -28,6 +28,7 @@ from pga_me_ros.ros import names, qos
 from pga_me_ros.ros.command_line import Program
 from pga_me_ros.ros.convert import episode_to_msg, finite, flat, layers_from_msg, shaped
 from pga_me_ros.ros.dds_choices import LOCAL_NOTE, is_local
+from pga_me_ros.ros.evaluations import aims_from_msg
 from pga_me_ros.ros.graph_node import GraphNode, own_name
 from pga_me_ros.ros.namesakes import leave_to_elders, listening_time
 from pga_me_ros.ros.options import RunOptions
@@ -83,21 +84,24 @@ class Evaluator(GraphNode):
         if request.repeats:
             self._answer(response, self._again(task, request, controllers))
             return
+        n = len(controllers)
+        aims = aims_from_msg(request.intended_descriptors, n, self._spec.descriptor_dim)
         episodes: list[Episode] = []
         published = 0
         self._wait_for_reader()
         self.diagnostics.run_id = request.run_id
-        self.diagnostics.queue = len(controllers)
+        self.diagnostics.queue = n
         due = time.monotonic() + HELD
-        for evaluation, controller in zip(request.evaluations, controllers, strict=True):
+        for evaluation, controller, aim in zip(request.evaluations, controllers, aims, strict=True):
             if not self.context.ok():
                 raise ExternalShutdownException  # other evaluators do the rest of the chunk
             rng = evaluation_rng(request.seed, evaluation)
             acting = exploring(controller, request.exploration_sigma, request.seed, evaluation)
-            episodes.append(rollout(task, acting, rng))
+            episode = rollout(task, acting, rng)
+            episodes.append(episode if aim is None else replace(episode, intended=aim))
             self.count_done()
             self.diagnostics.queue -= 1
-            if time.monotonic() >= due or len(episodes) == len(controllers):
+            if time.monotonic() >= due or len(episodes) == n:
                 for i in range(published, len(episodes)):
                     self._publish(request, request.evaluations[i], episodes[i])
                 published, due = len(episodes), time.monotonic() + HELD

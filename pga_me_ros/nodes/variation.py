@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import array
 import os
 from importlib.metadata import version
 
@@ -13,6 +12,7 @@ from pga_me_msgs.srv import Propose
 from pga_me_ros.core.algorithms import algorithm_of
 from pga_me_ros.core.algorithms.snapshot_fit import require_fit
 from pga_me_ros.core.archive.make_archive import cell_count
+from pga_me_ros.core.networks.conditioned import conditions
 from pga_me_ros.core.networks.shapes import controller_shape
 from pga_me_ros.core.operators import OPERATORS, Operator, needs_snapshot
 from pga_me_ros.core.settings import Settings
@@ -45,12 +45,15 @@ class Variation(GraphNode):
         self._run_id = require_run(options, "variation")
         self._spec = task_spec(self._settings.task)
         self._shape = controller_shape(self._spec, self._settings)
-        own = algorithm_of(self._settings).operators
-        self._operators = [o for o in MAKERS if o in own or o is Operator.RANDOM]
+        self._algorithm = algorithm_of(self._settings)
+        own = (*self._algorithm.operators, Operator.RANDOM)
+        self._operators = [o for o in MAKERS if o in own]
         self._snapshots: dict[int, Snapshot] = {}
-        self._answered: tuple[Propose.Request, array.array[float]] | None = None
+        self._answered: tuple[Propose.Request, Propose.Response] | None = None
         self._elites = EliteMirror(
-            cell_count(self._spec, self._settings), self._shape.parameter_count
+            cell_count(self._spec, self._settings),
+            self._shape.parameter_count,
+            self._spec.descriptor_dim,
         )
         self.create_subscription(CriticSnapshot, names.SNAPSHOT, self._take_snapshot, qos.LATCHED)
         self.create_subscription(Elites, names.ELITES, self._take_elites, qos.ELITES)
@@ -84,7 +87,8 @@ class Variation(GraphNode):
     def _propose(self, request: Propose.Request, response: Propose.Response) -> None:
         if self._answered and request == self._answered[0]:
             # The orchestrator repeats a slow request; making the same offspring again would only add to the delay.
-            response.parameters = self._answered[1]
+            response.parameters = self._answered[1].parameters
+            response.intended_descriptors = self._answered[1].intended_descriptors
             return
         self.check_run(request.run_id, self._run_id)
         settings = with_rates(self._settings, request.rates)
@@ -111,6 +115,7 @@ class Variation(GraphNode):
                 "them, then ask again.",
             )
             return
+        aims = self._algorithm.intended(operator, self._elites.descriptors(ids))
         wanted = OffspringRequest(
             settings,
             self._shape,
@@ -120,10 +125,11 @@ class Variation(GraphNode):
             self._elites.parameters(ids),
             snapshot,
             os.cpu_count() or 1,
+            None if aims is None else conditions(aims, self._spec),
         )
-        made = make_offspring(operator, wanted)
-        response.parameters = flat(made, "f")
-        self._answered = (request, response.parameters)
+        response.parameters = flat(make_offspring(operator, wanted), "f")
+        response.intended_descriptors = flat(() if aims is None else aims, "d")
+        self._answered = (request, response)
         self.count_done(request.count)
 
     def _operator(self, request: Propose.Request) -> Operator:

@@ -6,6 +6,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
+from itertools import repeat
 from typing import Any
 
 from pga_me_msgs.msg import NodeStatus
@@ -13,9 +14,17 @@ from pga_me_msgs.srv import Evaluate
 from rclpy.client import Client
 from rclpy.node import Node
 
-from pga_me_ros.arrays import Float32Array
+from pga_me_ros.arrays import Float32Array, Float64Array
 from pga_me_ros.errors import PgaError
-from pga_me_ros.orchestration.evaluator_work import FIRST, Chunk, Job, Outcome, Worker, share
+from pga_me_ros.orchestration.evaluator_work import (
+    FIRST,
+    Chunk,
+    Controller,
+    Job,
+    Outcome,
+    Worker,
+    share,
+)
 from pga_me_ros.orchestration.roster import STALE
 from pga_me_ros.ros import qos
 from pga_me_ros.ros.namesakes import offers_service
@@ -59,8 +68,7 @@ class EvaluatorPool:
         self._warned: set[int] = set()
         self._dead: set[tuple[str, int]] = set()
         self._queue: deque[int] = deque()
-        self._parameters: dict[int, Float32Array] = {}
-        self._again: dict[int, tuple[int, int]] = {}
+        self._controllers: dict[int, Controller] = {}
         self._outcomes: dict[int, Outcome] = {}
         self._seconds = 0.0  # mean time per evaluation in a chunk, 0 if unknown
         self.generation = 0
@@ -89,14 +97,14 @@ class EvaluatorPool:
             self.generation = generation
             self._exploration_sigma = exploration_sigma
             self._queue.clear()
-            self._parameters.clear()
-            self._again.clear()
+            self._controllers.clear()
             self._outcomes.clear()
 
     def submit(
         self,
         ids: Sequence[int],
         parameters: Iterable[Float32Array],
+        intended: Float64Array | None = None,
         again: Sequence[tuple[int, int]] = (),
     ) -> None:
         """Ask for evaluations.
@@ -104,11 +112,17 @@ class EvaluatorPool:
         Args:
             ids: n evaluation ids; of re-evaluations, n numbers below 0, which no evaluation has.
             parameters: (n, P) float32 parameters.
+            intended: (n, descriptor_dim) float64 descriptors that they are meant to achieve, NaN for none; None if that
+                holds for all.
             again: (evaluation id, repeat) of each re-evaluation; empty if these are evaluations.
         """
+        aims = repeat(None) if intended is None else iter(intended)
+        work = again or [(k, FIRST) for k in ids]
         with self._lock:
-            self._again.update(zip(ids, again, strict=bool(again)))
-            self._parameters.update(zip(ids, parameters, strict=True))
+            for k, vector, aim, (evaluation, number) in zip(
+                ids, parameters, aims, work, strict=False
+            ):
+                self._controllers[k] = Controller(vector, aim, evaluation, number)
             self._queue.extend(ids)
             self._dispatch()
 
@@ -241,7 +255,7 @@ class EvaluatorPool:
 
     def _put_back(self, chunk: Chunk) -> None:
         waiting = set(self._queue)
-        ids = [k for k in chunk.ids if k in self._parameters and k not in waiting]
+        ids = [k for k in chunk.ids if k in self._controllers and k not in waiting]
         self._queue.extendleft(k for k in reversed(ids) if k not in self._outcomes)
 
     def _dispatch(self) -> None:
@@ -270,7 +284,7 @@ class EvaluatorPool:
             k
             for worker in self._workers.values()
             for k in worker.late(now, self._seconds)
-            if k in self._parameters  # not of an earlier generation, done twice and forgotten
+            if k in self._controllers  # not of an earlier generation, done twice and forgotten
             and k not in self._outcomes
         }
         if not late or not self._seconds:
@@ -282,12 +296,8 @@ class EvaluatorPool:
                 self._send(helper, some)
 
     def _send(self, worker: Worker, ids: list[int]) -> None:
-        request = self._job.request(
-            self.generation,
-            self._exploration_sigma,
-            [self._again.get(k, (k, FIRST)) for k in ids],
-            [self._parameters[k] for k in ids],
-        )
+        controllers = [self._controllers[k] for k in ids]
+        request = self._job.request(self.generation, self._exploration_sigma, controllers)
         chunk = Chunk(ids, time.monotonic())
         worker.chunks.append(chunk)
         chunk.future = worker.client.call_async(request)
@@ -297,10 +307,12 @@ class EvaluatorPool:
         with self._lock:
             if chunk in worker.chunks:  # else it was given up in the meantime
                 worker.chunks.remove(chunk)
-            if all(k in self._parameters for k in chunk.ids):  # else it is of an earlier generation
+            if all(
+                k in self._controllers for k in chunk.ids
+            ):  # else it is of an earlier generation
                 self._take(worker, chunk, future.result())
             self._dispatch()
-            all_done = self._error or len(self._outcomes) == len(self._parameters)
+            all_done = self._error or len(self._outcomes) == len(self._controllers)
         if all_done:  # callers wait for everything that was submitted
             self._wake()
 

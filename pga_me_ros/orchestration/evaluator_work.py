@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from math import ceil
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from pga_me_msgs.srv import Evaluate
@@ -14,7 +14,7 @@ from rclpy.client import Client
 from pga_me_ros.arrays import Float32Array, Float64Array
 from pga_me_ros.errors import PgaError
 from pga_me_ros.ros.convert import flat
-from pga_me_ros.ros.evaluated_chunk import evaluated_from_msg
+from pga_me_ros.ros.evaluations import aims_to_msg, evaluated_from_msg
 
 LOST = 10.0
 """Seconds without a finished evaluation after which a request to a living evaluator first counts as lost."""
@@ -28,6 +28,23 @@ WORTHWHILE = 0.12
 
 FIRST = -1
 """In place of a repeat's number: the evaluation itself, from which a run learns."""
+
+
+class Controller(NamedTuple):
+    """What is to be evaluated.
+
+    Attributes:
+        parameters: (P,) float32.
+        intended: (descriptor_dim,) float64 descriptor that it is meant to achieve, NaN for none in particular; None for
+            none in the whole request.
+        evaluation: Evaluation id.
+        repeat: Number of the re-evaluation, `FIRST` for the evaluation itself.
+    """
+
+    parameters: Float32Array
+    intended: Float64Array | None
+    evaluation: int
+    repeat: int = FIRST
 
 
 @dataclass(frozen=True)
@@ -117,29 +134,27 @@ class Job:
     randomization: str = ""
 
     def request(
-        self,
-        generation: int,
-        exploration_sigma: float,
-        work: Sequence[tuple[int, int]],
-        parameters: Sequence[Float32Array],
+        self, generation: int, exploration_sigma: float, controllers: Sequence[Controller]
     ) -> Evaluate.Request:
         """Return what an evaluator is asked for.
 
         Args:
             generation: Generation of the controllers.
             exploration_sigma: Standard deviation of the noise on actions.
-            work: (evaluation id, repeat) of each of n episodes, all with a repeat or all `FIRST`.
-            parameters: n arrays, (P,) float32 each.
+            controllers: What to evaluate, at least one; all of them re-evaluations or none.
         """
         request = Evaluate.Request(run_id=self.run_id, task=self.task, seed=self.seed)
         request.generation = generation
         request.randomization = self.randomization
         request.exploration_sigma = exploration_sigma
-        request.evaluations = flat([evaluation for evaluation, _ in work], "q")
-        if work[0][1] != FIRST:
-            request.repeats = flat([repeat for _, repeat in work], "q")
+        request.evaluations = flat([c.evaluation for c in controllers], "q")
+        if controllers[0].repeat != FIRST:
+            request.repeats = flat([c.repeat for c in controllers], "q")
         request.layer_sizes = flat(self.layer_sizes, "q")
-        request.parameters = flat(np.stack(parameters), "f")
+        request.parameters = flat(np.stack([c.parameters for c in controllers]), "f")
+        aims = [c.intended for c in controllers if c.intended is not None]
+        if aims:
+            request.intended_descriptors = aims_to_msg(np.stack(aims))
         return request
 
     def outcomes(self, response: Evaluate.Response, count: int) -> list[Outcome]:

@@ -121,7 +121,9 @@ class FinalReevaluation:
                     piece, left = left[:room], left[room:]
                     under_way |= {-k: job for k, job in piece}
                     keys, jobs = [-k for k, _ in piece], [job for _, job in piece]
-                    self._pool.submit(keys, [chosen[evaluation] for evaluation, _ in jobs], jobs)
+                    self._pool.submit(
+                        keys, [chosen[evaluation] for evaluation, _ in jobs], again=jobs
+                    )
                 few = min(len(under_way), room) - 1 if left else 0
                 self._waiter.until(lambda: self._unfinished(under_way) <= few, LOOK_PERIOD)  # noqa: B023
                 work.take(self._finished(under_way))

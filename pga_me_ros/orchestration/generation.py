@@ -6,7 +6,7 @@ import numpy as np
 from pga_me_msgs.msg import Metrics
 from pga_me_msgs.srv import AddToArchive, Extract, Propose, SampleParents
 
-from pga_me_ros.arrays import Float32Array, Int64Array
+from pga_me_ros.arrays import Float32Array, Float64Array, Int64Array
 from pga_me_ros.core.algorithms import Slots
 from pga_me_ros.core.batch import Batch
 from pga_me_ros.core.networks.mlp import MlpShape
@@ -17,7 +17,7 @@ from pga_me_ros.errors import PgaError
 from pga_me_ros.orchestration.calls import LoopClients, Waiter, accepted, call
 from pga_me_ros.orchestration.evaluator_pool import EvaluatorPool
 from pga_me_ros.orchestration.trainer_client import TrainerClient
-from pga_me_ros.ros.convert import flat, rates_to_msg, shaped
+from pga_me_ros.ros.convert import finite, flat, rates_to_msg, shaped
 
 PIECE = 25
 """Offspring per request: evaluators start with the first ones while the next are made."""
@@ -116,8 +116,9 @@ class GenerationLoop:
                 if each:
                     batch.parents[places, :each] = self._sample(request, each)
                     request.parents = flat(batch.parents[places, :each], "q")
-                batch.parameters[places] = self._propose(plan, request, each)
-            self._pool.submit(ids, batch.parameters[places])
+                made, aims = self._propose(plan, request, each)
+                batch.parameters[places], batch.intended[places] = made, aims
+            self._pool.submit(ids, batch.parameters[places], batch.intended[places])
 
     def _extract(self, plan: GenerationPlan, batch: Batch, slots: Slots) -> None:
         """Have solutions of the archive evaluated again."""
@@ -158,15 +159,22 @@ class GenerationLoop:
         request.rates = rates_to_msg(plan.settings)
         return request
 
-    def _propose(self, plan: GenerationPlan, request: Propose.Request, each: int) -> Float32Array:
-        """Return the parameters (n, P) of offspring."""
+    def _propose(
+        self, plan: GenerationPlan, request: Propose.Request, each: int
+    ) -> tuple[Float32Array, Float64Array | float]:
+        """Return the parameters (n, P) of offspring, and their intended descriptors (n, d), NaN for none."""
         pause, longest = ON_THE_WAY
         while True:
             response = call(self._waiter, self._clients.propose, request)
             if response.accepted:
                 size = (request.count, self._shape.parameter_count)
-                return shaped(response.parameters, size, np.float32, "parameters")
-            if response.lacking:  # the variation node was restarted, or has yet to receive them
+                made = shaped(response.parameters, size, np.float32, "parameters")
+                name, aims = "intended_descriptors", response.intended_descriptors
+                if not len(aims):
+                    return made, np.nan
+                size = (request.count, self._descriptor_dim)
+                return made, finite(shaped(aims, size, np.float64, name), name)
+            if response.lacking:  # a variation node that was restarted, or is about to hear them
                 self._sample(request, each, publish=True)
                 self._waiter.pause(pause)
                 pause = min(2.0 * pause, longest)

@@ -15,6 +15,7 @@ from rclpy.qos import QoSProfile
 
 from pga_me_ros.errors import PgaError, StorageError
 from pga_me_ros.recording.definitions import definition
+from pga_me_ros.recording.older import SEQUENCES_SINCE, completed
 
 DIGEST = "sha256 of "
 """Key prefix in the metadata, followed by a topic's name: the digest of all its messages, because the MCAP files that
@@ -153,6 +154,8 @@ class BagWriter:
 def read_bag(path: Path, type_names: Iterable[str]) -> Iterator[Message]:
     """Yield a recording's messages of some types, in the order they were recorded.
 
+    Messages of an older version that are known to lack fields get them, empty (`older`).
+
     Args:
         path: Folder of a recording, of `BagWriter` or of ``ros2 bag record``.
         type_names: Types to return; others are ignored.
@@ -168,8 +171,11 @@ def read_bag(path: Path, type_names: Iterable[str]) -> Iterator[Message]:
     try:
         with rosbags.rosbag2.Reader(path) as reader:
             connections = [c for c in reader.connections if c.msgtype in wanted]
+            lacking = {
+                c.topic: SEQUENCES_SINCE.get(c.msgtype, {}).get(c.digest, 0) for c in connections
+            }
             for c in connections:
-                if c.digest and c.digest != wanted[c.msgtype].digest:
+                if c.digest and c.digest != wanted[c.msgtype].digest and not lacking[c.topic]:
                     raise StorageError(
                         f"'{path}' holds {c.msgtype} with other fields than the type installed here; read it with the "
                         "pga_me_msgs that recorded it."
@@ -177,7 +183,8 @@ def read_bag(path: Path, type_names: Iterable[str]) -> Iterator[Message]:
             digests = {c.topic: hashlib.sha256() for c in connections}
             for connection, stamp, data in reader.messages(connections) if connections else ():
                 digests[connection.topic].update(data)
-                yield Message(connection.topic, connection.msgtype, stamp, bytes(data))
+                whole = completed(bytes(data), lacking[connection.topic])
+                yield Message(connection.topic, connection.msgtype, stamp, whole)
             known = _custom_data(path)
             for topic, digest in digests.items():
                 if known.get(f"{DIGEST}{topic}", digest.hexdigest()) != digest.hexdigest():

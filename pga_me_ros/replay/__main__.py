@@ -99,6 +99,10 @@ def _settings(options: argparse.Namespace, recorded: RecordedRun) -> Settings:
     algorithm = ALGORITHMS.get(str(changes.get("algorithm")))
     if algorithm and not algorithm.learns_critics:
         raise SettingsError(f"{algorithm.name} learns no critics; remove --set algorithm.")
+    if options.steps < 1:  # for n_crit, 0 stands for the algorithm's own number
+        raise SettingsError(
+            f"--steps is {options.steps}; give n_crit, the steps to train, 1 or more."
+        )
     settings = Settings.from_mapping({**base, **changes, "n_crit": options.steps})
     if settings.greedy_init != "random":
         raise SettingsError(
@@ -113,12 +117,17 @@ def _of_critics(like: Settings) -> dict[str, Any]:
     Raises:
         SettingsError: The run trains no critics.
     """
-    if not algorithm_of(like).learns_critics:
+    algorithm = algorithm_of(like)
+    if not algorithm.learns_critics:
         raise SettingsError(f"{like.algorithm} learns no critics; remove --like.")
+    parts, names = set(CRITICS), set(OF_NETWORKS)
+    if algorithm.conditioned:  # its critics take other inputs and rewards
+        parts.add(algorithm.name)
+        names.add("algorithm")
     return {
         f.name: getattr(like, f.name)
         for f in fields(Settings)
-        if f.name in OF_NETWORKS or (f.metadata["part"] in CRITICS and f.name not in TIMING)
+        if f.name in names or (f.metadata["part"] in parts and f.name not in TIMING)
     }
 
 

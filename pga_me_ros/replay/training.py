@@ -8,7 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from pga_me_ros.core.algorithms import algorithm_of
+from pga_me_ros.core.algorithms.learners import make_learner
 from pga_me_ros.core.learning.critic_learner import CriticLearner
+from pga_me_ros.core.learning.learner import Learner
 from pga_me_ros.core.plan import TrainingOrder
 from pga_me_ros.core.runs.critic_checkpoints import CriticCheckpoints
 from pga_me_ros.core.settings import Settings
@@ -38,8 +41,8 @@ def train_critics(
         recorded: The recording; its newest `replay_size` transitions count.
         spec: Its task.
         settings: Seed, layers, rates and number of steps.
-        out: New or empty folder for the critics as a run's checkpoint, the greedy controller as a file for
-            ``start_from``, and the returned report.
+        out: New or empty folder: the critics, and an actor that is conditioned on descriptors, as a run's checkpoint; a
+            greedy controller as a file that ``start_from`` takes; and what is returned.
 
     Returns:
         What was trained on what, and with what outcome, as JSON can hold it.
@@ -54,14 +57,18 @@ def train_critics(
             f"'{out}' exists already and is not an empty folder; give another --out."
         )
     make_folder(out)
-    learner = CriticLearner(spec, settings)
+    conditioned = algorithm_of(settings).conditioned
+    learner: Learner = (make_learner if conditioned else CriticLearner)(spec, settings)
     heads = recorded.newest(settings.replay_size)
     for generation, episodes in recorded.episodes(heads, spec):
         learner.add(generation, episodes.values())
     order = TrainingOrder.of(learner.newest + 1, learner.newest, settings)
     snapshot = learner.train(settings, order.generation)
     CriticCheckpoints(out).save(order, snapshot, learner.state())
-    save_arrays(out / GREEDY_FILE, _controller(snapshot, spec))
+    if (
+        not conditioned
+    ):  # an actor that is asked for a descriptor is no controller that a run could start from
+        save_arrays(out / GREEDY_FILE, _controller(snapshot, spec))
     statistics = {
         "run_id": recorded.run_id,
         "task": spec.name,

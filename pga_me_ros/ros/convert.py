@@ -20,7 +20,7 @@ from pga_me_msgs.msg import Behavior, Controller, CriticSnapshot, Rates, Transit
 from pga_me_msgs.msg import Metrics as MetricsMsg
 from sensor_msgs.msg import Image
 
-from pga_me_ros.arrays import Float32Array
+from pga_me_ros.arrays import Float32Array, Float64Array
 from pga_me_ros.core.archive.corrected import CorrectedMetrics
 from pga_me_ros.core.archive.elites import Elite
 from pga_me_ros.core.archive.metrics import Metrics
@@ -128,6 +128,8 @@ def episode_to_msg(episode: Episode, **ids: Any) -> Transitions:
     msg.actions = flat(episode.actions, "f")
     msg.rewards = flat(episode.rewards, "f")
     msg.terminated = bool(episode.terminated)
+    if episode.intended is not None:
+        msg.intended_descriptor = flat(episode.intended, "d")
     return msg
 
 
@@ -156,7 +158,18 @@ def episode_from_msg(msg: Transitions, spec: TaskSpec) -> Episode:
         fitness=float(finite(np.float64(msg.fitness), "fitness")),
         descriptor=finite(np.array(msg.descriptor, np.float64), "descriptor"),
         terminated=msg.terminated,
+        intended=_intended_from_msg(msg, spec),
     )
+
+
+def _intended_from_msg(msg: Transitions, spec: TaskSpec) -> Float64Array | None:
+    """Return the intended descriptor of an episode's message, None for none; see `episode_from_msg`."""
+    if not len(msg.intended_descriptor):
+        return None
+    values = shaped(
+        msg.intended_descriptor, (spec.descriptor_dim,), np.float64, "intended_descriptor"
+    )
+    return finite(values, "intended_descriptor")
 
 
 def snapshot_to_msg(snapshot: Snapshot, run_id: str) -> CriticSnapshot:

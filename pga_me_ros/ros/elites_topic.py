@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pga_me_msgs.msg import Elites
 
-from pga_me_ros.arrays import Float32Array, Int64Array
+from pga_me_ros.arrays import Float32Array, Float64Array, Int64Array
 from pga_me_ros.core.archive.archive import Archive
 from pga_me_ros.errors import RequestError
 from pga_me_ros.ros.convert import finite, flat, shaped
@@ -29,6 +29,7 @@ def elites_to_msg(archive: Archive, run_id: str, generation: int, cells: Int64Ar
     msg = Elites(run_id=run_id, generation=generation)
     msg.cells = flat(cells, "q")
     msg.evaluations = flat(archive.evaluations[cells], "q")
+    msg.descriptors = flat(archive.descriptors[cells], "d")
     msg.parameters = flat(archive.parameters[cells], "f")
     return msg
 
@@ -41,10 +42,12 @@ class EliteMirror:
     Args:
         cells: Cells of the archive.
         parameter_count: Parameters P of a controller.
+        descriptor_dim: Number d of descriptor dimensions.
     """
 
-    def __init__(self, cells: int, parameter_count: int) -> None:
+    def __init__(self, cells: int, parameter_count: int, descriptor_dim: int) -> None:
         self._evaluations = np.full(cells, NOBODY, np.int64)
+        self._descriptors = np.empty((cells, descriptor_dim))
         self._parameters = np.empty((cells, parameter_count), np.float32)
         self._cell_of: dict[int, int] = {}
 
@@ -57,11 +60,13 @@ class EliteMirror:
         """
         if msg.generation < 0:
             raise RequestError(f"Field 'generation' is {msg.generation}; expected 0 or more.")
-        n, (cells, p) = len(msg.cells), self._parameters.shape
+        n, (cells, p), d = len(msg.cells), self._parameters.shape, self._descriptors.shape[1]
         where = _different("cells", shaped(msg.cells, (n,), np.int64, "cells"), cells)
         ids = _different("evaluations", shaped(msg.evaluations, (n,), np.int64, "evaluations"))
         parameters = shaped(msg.parameters, (n, p), np.float32, "parameters")
-        self._parameters[where] = finite(parameters, "parameters")
+        descriptors = shaped(msg.descriptors, (n, d), np.float64, "descriptors")
+        finite(parameters, "parameters"), finite(descriptors, "descriptors")
+        self._parameters[where], self._descriptors[where] = parameters, descriptors
         for left in self._evaluations[where].tolist():
             self._cell_of.pop(left, None)
         self._evaluations[where] = ids
@@ -80,8 +85,22 @@ class EliteMirror:
         Returns:
             (..., P) float32 array, a copy.
         """
+        return self._parameters[self._cells(evaluations)]
+
+    def descriptors(self, evaluations: Int64Array) -> Float64Array:
+        """Return the achieved descriptors of elites by evaluation id, none of them lacking.
+
+        Args:
+            evaluations: Ids, in any shape.
+
+        Returns:
+            (..., d) float64 array, a copy.
+        """
+        return self._descriptors[self._cells(evaluations)]
+
+    def _cells(self, evaluations: Int64Array) -> Int64Array:
         cells = [self._cell_of[k] for k in evaluations.ravel().tolist()]
-        return self._parameters[cells].reshape(*evaluations.shape, self._parameters.shape[1])
+        return np.array(cells, np.int64).reshape(evaluations.shape)
 
 
 def _different(name: str, values: NDArray[Any], end: int = 2**63) -> NDArray[Any]:

@@ -158,7 +158,7 @@ def propose_target(world: World) -> Target:
     }
     faults = [
         *ints("generation", -FAR, -(2**62)),
-        *ints("operator_id", 3, 5, 6, 7, 255),
+        *ints("operator_id", 3, 5, 6, 7, 8, 255),
         *ints("first", -1, b, 2**63 - 1),
         *ints("count", 0, -1, b + 1, 2**63 - 1),
         *of_length("parents", "q", 2 * 2),
@@ -214,6 +214,7 @@ def transitions_target(world: World) -> Target:
         "states": numbers("f", (t + 1) * o),
         "actions": numbers("f", t * a),
         "rewards": numbers("f", t),
+        "intended_descriptor": numbers("d", d),
     }
     faults = [
         *ints("generation", -FAR, FAR, 2**62),
@@ -229,6 +230,9 @@ def transitions_target(world: World) -> Target:
         *of_length("actions", "f", t * a),
         *of_length("rewards", "f", t),
         *not_finite("rewards", "f", t),
+        # Empty, it says that there is none.
+        *(fault for fault in of_length("intended_descriptor", "d", d) if len(fault[1])),
+        *not_finite("intended_descriptor", "d", d),
     ]
     return Target(names.TRANSITIONS, sound, tuple(faults))
 
@@ -283,14 +287,15 @@ def snapshot_target(world: World) -> Target:
 
 
 def elites_target(world: World) -> Target:
-    """Return archive/elites; the valid message is of a run with as many cells."""
-    p = world.shape.parameter_count
+    """Return archive/elites; the sound one is of a run that has as many cells."""
+    p, d = world.shape.parameter_count, world.spec.descriptor_dim
     sound = {
         "run_id": world.run_id,
         "generation": 0,
         "cells": array.array("q", [0, 1]),
         "evaluations": array.array("q", [0, 1]),
         "parameters": numbers("f", 2 * p),
+        "descriptors": numbers("d", 2 * d),
     }
     faults = [
         *ints("generation", -FAR, -(2**63)),
@@ -303,13 +308,15 @@ def elites_target(world: World) -> Target:
         *of_length("evaluations", "q", 2),
         *of_length("parameters", "f", 2 * p),
         *not_finite("parameters", "f", 2 * p),
+        *of_length("descriptors", "d", 2 * d),
+        *not_finite("descriptors", "d", 2 * d),
     ]
     return Target(names.ELITES, sound, tuple(faults))
 
 
 def evaluate_target(world: World, evaluator: str) -> Target:
-    """Return an evaluator's evaluate, which serves any run of its task: the trainer sorts out the results."""
-    p = world.shape.parameter_count
+    """Return an evaluator's evaluate, which is for any run of its task: the trainer tells apart what came of it."""
+    p, d = world.shape.parameter_count, world.spec.descriptor_dim
     sound = {
         "run_id": FOREIGN,
         "task": world.settings.task,
@@ -330,6 +337,9 @@ def evaluate_target(world: World, evaluator: str) -> Target:
         *of_length("parameters", "f", p),
         *not_finite("parameters", "f", p),
         *((("exploration_sigma", x)) for x in (-0.1, 10.1, math.nan, math.inf)),
+        # Empty or NaN, it says that there is none.
+        *(fault for fault in of_length("intended_descriptors", "d", d) if len(fault[1])),
+        ("intended_descriptors", array.array("d", [math.inf] * d)),
     ]
     return Target(
         f"{evaluator}/evaluate", sound, tuple(faults), owned=False, harmless=True, generations=()

@@ -18,6 +18,8 @@ ANT: dict[str, Any] = {
     "n_evo": 2,
 }
 
+DCRL: dict[str, Any] = {"algorithm": "dcrl_map_elites", "evaluations": 40}
+
 VARIANTS: dict[str, dict[str, Any]] = {
     "alternating": {"schedule": "alternating", "pg_batches": "own", "n_evo": 0, "archive": "grid"},
     "as coded": {
@@ -35,11 +37,14 @@ VARIANTS: dict[str, dict[str, Any]] = {
     "randomized": {
         "randomization": "mass 0.5 2, friction 0.2 1, torque 0.8 1.2, delay 0 2, noise 0 0.1, push 0 300"
     },
+    "DCRL-MAP-Elites": {**DCRL, "schedule": "alternating", "injection_share": 0.2},
 }
 
 
 @pytest.mark.parametrize("evaluators", [1, 3])
-@pytest.mark.parametrize("parameters", [WALKER, ANT], ids=["qd_walker", "qd_ant"])
+@pytest.mark.parametrize(
+    "parameters", [WALKER, ANT, DCRL], ids=["qd_walker", "qd_ant", "dcrl_map_elites"]
+)
 def test_graph_and_search_give_the_same_repertoire(
     graph: Graph, tmp_path: Path, parameters: dict[str, Any], evaluators: int
 ) -> None:

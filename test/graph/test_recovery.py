@@ -18,8 +18,14 @@ KINDS = ("evaluator_0", "critic_trainer", "variation", "archive_manager")
 
 @pytest.mark.parametrize(
     "system",
-    [{"n_crit": 100}, {"algorithm": "td3"}, ES, {"algorithm": "qd_rl", "n_crit": 100}],
-    ids=["pga", "td3", "map_elites_es", "qd_rl"],
+    [
+        {"n_crit": 100},
+        {"algorithm": "td3"},
+        ES,
+        {"algorithm": "qd_rl", "n_crit": 100},
+        {"algorithm": "dcrl_map_elites", "n_crit": 100},
+    ],
+    ids=["pga", "td3", "map_elites_es", "qd_rl", "dcrl_map_elites"],
 )
 def test_a_killed_orchestrator_leaves_no_orphan_and_the_same_command_resumes(
     graph: Graph, tmp_path: Path, system: dict[str, Any]

@@ -13,6 +13,7 @@ from pga_me_msgs.msg import CriticSnapshot, Elites, NodeStatus
 from pga_me_msgs.srv import Propose
 from reference import run_settings
 
+from pga_me_ros.core.networks.conditioned import ConditionedDimensions, conditions, folded
 from pga_me_ros.core.networks.mlp import random_critic, random_parameters
 from pga_me_ros.core.networks.shapes import controller_shape, critic_shape
 from pga_me_ros.core.settings import Settings
@@ -25,6 +26,7 @@ from pga_me_ros.tasks.registry import task_spec
 SPEC = task_spec("qd_hopper")
 PGA = run_settings(task=SPEC.name)
 QD_RL = PGA.replace(algorithm="qd_rl", n_evo=Settings.n_evo)
+DCRL = PGA.replace(algorithm="dcrl_map_elites", pg_learning_rate=PGA.pg_learning_rate)
 SHAPE, CRITIC = controller_shape(SPEC, PGA), critic_shape(SPEC, PGA)
 RNG = np.random.default_rng(0)
 ONE_CRITIC = Snapshot(
@@ -43,8 +45,17 @@ TWO_CRITICS = dataclasses.replace(
     ONE_CRITIC,
     networks={**ONE_CRITIC.networks, "diversity_critic": (CRITIC, random_critic(CRITIC, RNG))},
 )
+SEEN = ConditionedDimensions.of(SPEC)
+CONDITIONED = dataclasses.replace(
+    ONE_CRITIC,
+    networks={
+        "critic": (critic_shape(SEEN, PGA), random_critic(critic_shape(SEEN, PGA), RNG)),
+        "actor": (controller_shape(SEEN, PGA), random_parameters(controller_shape(SEEN, PGA), RNG)),
+    },
+)
 PARENT = random_parameters(SHAPE, RNG)
 PARENT_ID = 7
+DESCRIPTOR = [0.3]
 
 
 class Variation:
@@ -72,6 +83,7 @@ class Variation:
             "cells": flat([3], "q"),
             "evaluations": flat([PARENT_ID], "q"),
             "parameters": flat(PARENT, "f"),
+            "descriptors": flat(DESCRIPTOR, "d"),
         }
         self._elites.publish(Elites(**{**fields, **changes}))
 
@@ -129,6 +141,37 @@ def test_qd_rl_climbs_the_critic_of_quality_or_of_diversity(variation: Variation
         np.testing.assert_array_equal(got.parameters, climbed(critic)[0])
     refused = variation.propose(Propose.Request.PG)
     assert "Operator 2 is unknown; expected one of 0, 6, 7" in refused.message
+
+
+@pytest.mark.parametrize("variation", [DCRL], indirect=True)
+def test_dcrl_map_elites_says_what_its_offspring_are_meant_to_achieve(variation: Variation) -> None:
+    variation.hear(ONE_CRITIC)
+    variation.started.wait_for_output("it has no network 'actor'; dcrl_map_elites needs one")
+    variation.hear(CONDITIONED)
+    variation.hear_parent()
+    answer = None
+
+    def made() -> bool:
+        nonlocal answer
+        answer = variation.propose(Propose.Request.ACTOR_INJECTION)
+        return bool(answer.accepted)
+
+    wait_until(made, "an injected actor")
+    assert answer is not None
+    wanted = conditions(np.array([DESCRIPTOR]), SPEC)
+    for got, expected in (
+        (answer, folded(*CONDITIONED.network("actor"), SPEC.observation_dim, wanted)[1][0]),
+        (
+            variation.propose(Propose.Request.PG),
+            climbed(folded(*CONDITIONED.network("critic"), SPEC.observation_dim, wanted)[1])[0],
+        ),
+    ):
+        np.testing.assert_array_equal(got.parameters, expected)
+        assert list(got.intended_descriptors) == DESCRIPTOR
+    again = variation.propose(Propose.Request.PG)  # as when the answer was lost
+    assert list(again.intended_descriptors) == DESCRIPTOR
+    refused = variation.propose(Propose.Request.DIVERSITY)
+    assert "Operator 7 is unknown; expected one of 0, 1, 2, 8" in refused.message
 
 
 @pytest.mark.parametrize("variation", [PGA], indirect=True)

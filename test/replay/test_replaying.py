@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from recorded import BATCH, COUNT, EPISODES, RUN, SPEC, shuffled, transitions, write
 
-from pga_me_ros.core.learning.critic_learner import CriticLearner
+from pga_me_ros.core.algorithms.learners import make_learner
 from pga_me_ros.core.networks.shapes import controller_shape
 from pga_me_ros.core.runs.critic_checkpoints import CriticCheckpoints
 from pga_me_ros.core.runs.start_from import read_controllers
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.recording.episodes import recorded_run
 from pga_me_ros.replay.__main__ import main
+from pga_me_ros.tasks.rollout import Episode
 
 SMALL = {
     "task": "qd_hopper",
@@ -38,12 +41,16 @@ def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write(tmp_path_factory.mktemp("recording") / "bag", shuffled())
 
 
-def learned(settings: Settings, evaluations: range = range(COUNT)) -> dict[str, np.ndarray]:
-    """Return the state of a learner that was given the episodes directly."""
-    learner = CriticLearner(SPEC, settings)
+def learned(
+    settings: Settings,
+    evaluations: range = range(COUNT),
+    episodes: Mapping[int, Episode] = EPISODES,
+) -> dict[str, np.ndarray]:
+    """Return the state of a learner that was fed by hand."""
+    learner = make_learner(SPEC, settings)
     for generation in range(COUNT // BATCH):
         ids = range(generation * BATCH, (generation + 1) * BATCH)
-        learner.add(generation, [EPISODES[k] for k in ids if k in evaluations])
+        learner.add(generation, [episodes[k] for k in ids if k in evaluations])
     learner.train(settings, COUNT // BATCH)
     return learner.state()
 
@@ -104,6 +111,27 @@ def test_settings_may_be_those_of_a_run(bag: Path, tmp_path: Path, hopper_run: P
     assert main([str(bag), "--out", str(out), "--steps", "2", "--like", str(hopper_run)]) == 0
     told = json.loads((out / "statistics.json").read_text())["settings"]
     assert (told["seed"], told["controller_hidden"], told["n_crit"]) == (5, [16, 8], 2)
+
+
+def test_an_actor_is_trained_on_what_episodes_were_meant_to_achieve(
+    tmp_path: Path, dcrl_run: Path
+) -> None:
+    """Its critics are those of the run's own learner, whether the algorithm is named or taken from a run."""
+    rng = np.random.default_rng(0)
+    aimed = {k: replace(e, intended=rng.random(1)) if k % 2 else e for k, e in EPISODES.items()}
+    bag = write(tmp_path / "bag", [transitions(k, e) for k, e in aimed.items()])
+    named = ("--set", "algorithm=dcrl_map_elites")
+    state = replayed(bag, tmp_path / "named", *named)
+    settings = Settings.from_mapping({**SMALL, "algorithm": "dcrl_map_elites", "n_crit": STEPS})
+    assert same(state, learned(settings, episodes=aimed))
+    assert not same(state, learned(settings))
+    assert not (tmp_path / "named" / "greedy.npz").exists()
+    strict = ("--set", "similarity_length=0.01")
+    assert not same(state, replayed(bag, tmp_path / "strict", *named, *strict))
+    like = ["--like", str(dcrl_run), "--steps", "2"]
+    assert main([str(bag), "--out", str(tmp_path / "like"), *like]) == 0
+    told = json.loads((tmp_path / "like" / "statistics.json").read_text())["settings"]
+    assert (told["algorithm"], told["transition_batch"]) == ("dcrl_map_elites", 32)
 
 
 def test_repeated_and_missing_episodes_are_counted(tmp_path: Path) -> None:

@@ -87,6 +87,13 @@ def test_an_episode_is_converted_bit_for_bit() -> None:
     assert_same_fields(convert.episode_from_msg(transitions(), SPEC), EPISODE)
 
 
+def test_an_episode_carries_what_it_was_meant_to_achieve() -> None:
+    aimed = replace(EPISODE, intended=np.array([2.0 / 3.0]))
+    back = convert.episode_from_msg(convert.episode_to_msg(aimed, **IDS), SPEC)
+    assert_same_fields(back, aimed)
+    assert back.intended is not None
+
+
 def test_an_episode_carries_its_ids() -> None:
     assert {name: getattr(transitions(), name) for name in IDS} == IDS
 
@@ -104,6 +111,8 @@ def test_an_episode_carries_its_ids() -> None:
         ({"states": convert.flat([math.inf] * 120, "f")}, "'states' holds NaN or infinity"),
         ({"descriptor": [math.nan]}, "'descriptor' holds NaN"),
         ({"fitness": math.nan}, "'fitness' holds NaN"),
+        ({"intended_descriptor": [0.5, 0.5]}, "'intended_descriptor' has 2 entries"),
+        ({"intended_descriptor": [math.inf]}, "'intended_descriptor' holds NaN or infinity"),
     ],
 )
 def test_a_malformed_episode_is_refused(changes: dict[str, Any], words: str) -> None:

@@ -15,14 +15,14 @@ from pga_me_ros.core.archive.grid import GridArchive
 from pga_me_ros.errors import RequestError
 from pga_me_ros.ros.elites_topic import EliteMirror, elites_to_msg
 
-CELLS, P, B = 12, 5, 10
+CELLS, P, D, B = 12, 5, 2, 10
 
 
 def batch(generation: int) -> Solutions:
     rng = np.random.default_rng(generation)
     return Solutions.of(
         fitness=rng.standard_normal(B),
-        descriptors=rng.random((B, 2)),
+        descriptors=rng.random((B, D)),
         parameters=rng.standard_normal((B, P)).astype(np.float32),
         evaluations=range(B * generation, B * generation + B),
         generation=generation,
@@ -32,7 +32,7 @@ def batch(generation: int) -> Solutions:
 def grown(generations: int) -> tuple[Archive, EliteMirror]:
     """Return an archive and a mirror that received each generation's changes."""
     archive = GridArchive((4, 3), (0.0, 0.0), (1.0, 1.0), P)
-    mirror = EliteMirror(CELLS, P)
+    mirror = EliteMirror(CELLS, P, D)
     for generation in range(generations):
         changed = archive.add(batch(generation)).changed_cells
         mirror.hear(elites_to_msg(archive, "r", generation, changed))
@@ -44,8 +44,10 @@ def test_it_has_all_present_elites_and_no_replaced_ones() -> None:
     cells = archive.filled_cells()
     ids = archive.evaluations[cells]
     np.testing.assert_array_equal(mirror.parameters(ids), archive.parameters[cells])
+    np.testing.assert_array_equal(mirror.descriptors(ids), archive.descriptors[cells])
     pairs = np.stack([ids, ids[::-1]], axis=1)
     assert mirror.parameters(pairs).shape == (len(ids), 2, P)
+    np.testing.assert_array_equal(mirror.descriptors(pairs)[:, 1], archive.descriptors[cells[::-1]])
     others = sorted(set(range(8 * B)) - set(ids.tolist()))
     assert len(others) > 8 * B - CELLS - 1
     assert mirror.lacking(np.arange(8 * B)) == others
@@ -55,7 +57,7 @@ def test_missed_elites_can_be_received_later_and_twice() -> None:
     archive, _ = grown(8)
     cells = archive.filled_cells()
     ids = archive.evaluations[cells]
-    late = EliteMirror(CELLS, P)
+    late = EliteMirror(CELLS, P, D)
     assert late.lacking(ids) == sorted(ids.tolist())
     for some in (cells[:3], cells):
         late.hear(elites_to_msg(archive, "r", 7, some))
@@ -64,7 +66,9 @@ def test_missed_elites_can_be_received_later_and_twice() -> None:
 
 
 def test_no_parents_are_none() -> None:
-    assert EliteMirror(CELLS, P).parameters(np.empty((7, 0), np.int64)).shape == (7, 0, P)
+    nobody = np.empty((7, 0), np.int64)
+    assert EliteMirror(CELLS, P, D).parameters(nobody).shape == (7, 0, P)
+    assert EliteMirror(CELLS, P, D).descriptors(nobody).shape == (7, 0, D)
 
 
 @pytest.mark.parametrize(
@@ -79,6 +83,8 @@ def test_no_parents_are_none() -> None:
         ({"evaluations": [900, 900]}, "'evaluations' holds a number twice"),
         ({"parameters": [0.0] * (2 * P - 1)}, "'parameters' has 9 entries"),
         ({"parameters": [0.0] * (2 * P - 1) + [np.nan]}, "'parameters' holds NaN"),
+        ({"descriptors": [0.0] * 3}, "'descriptors' has 3 entries"),
+        ({"descriptors": [0.0, 0.0, 0.0, np.inf]}, "'descriptors' holds NaN or infinity"),
     ],
 )
 def test_messages_that_cannot_belong_to_the_archive_are_refused_as_a_whole(
@@ -91,6 +97,7 @@ def test_messages_that_cannot_belong_to_the_archive_are_refused_as_a_whole(
         "cells": array.array("q", [0, 1]),
         "evaluations": array.array("q", [900, 901]),
         "parameters": array.array("f", [0.0] * (2 * P)),
+        "descriptors": array.array("d", [0.0] * (2 * D)),
     }
     with pytest.raises(RequestError, match=words):
         mirror.hear(Elites(**{**sound, **changes}))

@@ -140,7 +140,7 @@ def test_rates_that_come_with_each_request_cannot_be_set(make_node: MakeNode) ->
 def test_a_descriptor_has_range_unit_and_symbol() -> None:
     told = descriptor(Settings.__dataclass_fields__["n_crit"])
     assert told.description.endswith(" Symbol: n_crit. Unit: steps.")
-    assert (told.integer_range[0].from_value, told.integer_range[0].to_value) == (1, 1_000_000)
+    assert (told.integer_range[0].from_value, told.integer_range[0].to_value) == (0, 1_000_000)
 
 
 def test_a_descriptor_lists_the_choices() -> None:

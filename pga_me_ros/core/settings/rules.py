@@ -190,7 +190,7 @@ class _QdRl(Rules):
 
 
 class _DcrlMapElites(_PgaMapElites):
-    parts = (*GRADIENTS, "genetic", "dcrl_map_elites")
+    parts = (*GRADIENTS, "genetic", "dcrl_map_elites", "extraction")
     fixed: ClassVar = {
         "greedy_init": "starts its actor at random: no controller has the actor's layers"
     }

@@ -1,14 +1,15 @@
-"""Results of several evaluations in a message, as evaluators and the generation loop send them."""
+"""What evaluators are asked for, and what they answer, in messages."""
 
 from __future__ import annotations
 
+import array
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from pga_me_ros.arrays import BoolArray, Float64Array, Int64Array
-from pga_me_ros.ros.convert import finite, shaped
+from pga_me_ros.ros.convert import finite, flat, shaped
 
 
 @dataclass(frozen=True)
@@ -42,3 +43,24 @@ def evaluated_from_msg(msg: Any, n: int, descriptor_dim: int) -> EvaluatedChunk:
         steps=shaped(msg.steps, (n,), np.int64, "steps"),
         terminated=shaped(msg.terminated, (n,), np.bool_, "terminated"),
     )
+
+
+def aims_to_msg(intended: Float64Array) -> array.array[Any]:
+    """Return intended descriptors as a field: nothing where no controller has one.
+
+    Args:
+        intended: (n, descriptor_dim) float64, a row of NaN for a controller that has none.
+    """
+    return flat(() if np.isnan(intended).all() else intended, "d")
+
+
+def aims_from_msg(data: Any, n: int, descriptor_dim: int) -> list[Float64Array | None]:
+    """Return the intended descriptor of each of n controllers, None for none; see `aims_to_msg`.
+
+    Raises:
+        RequestError: The field has the wrong length, or a row holds infinity, or NaN in some of its entries only.
+    """
+    if not len(data):
+        return [None] * n
+    rows = shaped(data, (n, descriptor_dim), np.float64, "intended_descriptors")
+    return [None if np.isnan(r).all() else finite(r, "intended_descriptors") for r in rows]
