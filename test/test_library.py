@@ -139,3 +139,36 @@ def test_without_pandas_the_table_says_what_to_install(
     monkeypatch.setitem(sys.modules, "pandas", None)
     with pytest.raises(PgaError, match=r"needs pandas, which is not installed: pip install pandas"):
         saved.to_dataframe()
+
+
+def test_the_actor_of_a_run_is_asked_for_a_descriptor_and_needs_numpy_alone(dcrl_run: Path) -> None:
+    run = StoredRun.load(dcrl_run)
+    actor = run.actor()
+    observation = np.linspace(-1, 1, run.spec.observation_dim, dtype=np.float32)
+    one, other = actor(observation, [0.1]), actor(observation, [0.9])
+    assert one.shape == (run.spec.action_dim,)
+    assert np.abs(one - other).max() > 1e-3
+    np.testing.assert_allclose(actor.at([0.9])(observation), other, rtol=0, atol=2e-6)
+    assert actor.at([0.9]).shape == run.shape
+    code = (
+        "import sys; from pga_me_ros import StoredRun; StoredRun.load(sys.argv[1]).actor();"
+        "print(sorted({'torch', 'pybullet', 'rclpy'} & set(sys.modules)))"
+    )
+    command = [sys.executable, "-c", code, str(dcrl_run)]
+    assert subprocess.run(command, capture_output=True, text=True, check=True).stdout == "[]\n"
+
+
+def test_injected_elites_are_the_actor_of_their_generation(dcrl_run: Path) -> None:
+    run = StoredRun.load(dcrl_run)
+    made = {run.behavior(cell).made_by for cell in run.archive.filled_cells().tolist()}
+    assert made <= {"random", "ga", "pg", "actor_injection"}
+    assert sum(m.offspring[8] for m in run.metrics) == 2 * 2
+
+
+def test_a_run_without_an_actor_says_so(saved: StoredRun, dcrl_run: Path, tmp_path: Path) -> None:
+    with pytest.raises(RequestError, match=r"map_elites, which learns no actor.*dcrl_map_elites"):
+        saved.actor()
+    copy = tmp_path / "repertoire.db"
+    copy.write_bytes((dcrl_run / "repertoire.db").read_bytes())
+    with pytest.raises(StorageError, match=r"There is no critic-\*\.ckpt next to"):
+        StoredRun.load(copy).actor()

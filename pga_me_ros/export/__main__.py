@@ -8,7 +8,9 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from pga_me_ros.core.archive.elites import Elite
+from pga_me_ros.core.runs.stored_actor import stored_actor
 from pga_me_ros.core.storage.files import save_bytes
+from pga_me_ros.core.storage.stored_run import StoredRun
 from pga_me_ros.errors import RequestError, StorageError
 from pga_me_ros.export.arrays import write_npz, write_pyribs
 from pga_me_ros.export.source import Source
@@ -46,6 +48,8 @@ def export(options: argparse.Namespace) -> Path:
     """
     if options.single and not options.best:
         raise RequestError("--single says how the fittest is chosen; give it together with --best.")
+    if options.actor:
+        return _export_actor(options)
     make = _model_maker(options.to) if options.to in MODELS else None
     source = Source.load(
         options.run,
@@ -60,9 +64,7 @@ def export(options: argparse.Namespace) -> Path:
         print(f"note: {source.run.archive.note}", file=sys.stderr)
     out = options.out or Path(_default_name(source, options.to))
     if make is None or source.one:
-        if out.is_dir():
-            raise StorageError(f"'{out}' is a folder; give --out the name of a file.")
-        _make_folder(out.parent)
+        _require_file(out)
         if make is None:
             TABLES[options.to][0](source, out)
         else:
@@ -86,6 +88,34 @@ def _judged(source: Source, *, single: bool) -> str:
         f"re-evaluations, {100.0 * known.fall_share[cell]:.0f} % of them falls (found with {fitness:.1f}; --single "
         "chooses by that)"
     )
+
+
+def _export_actor(options: argparse.Namespace) -> Path:
+    """Write the actor of a run that learns one, and return the file."""
+    if options.to != "onnx":
+        raise RequestError(
+            f"--actor is exported as an ONNX model, not --to {options.to}; write --to onnx --actor."
+        )
+    from pga_me_ros.export.onnx_model import onnx_actor_bytes, require_onnx
+
+    require_onnx()
+    run = StoredRun.load(options.run, elites=False)
+    out = options.out or Path(f"{run.name}-actor{MODELS[options.to]}")
+    content = onnx_actor_bytes(run, stored_actor(run))
+    _require_file(out)
+    save_bytes(out, content)
+    return out
+
+
+def _require_file(out: Path) -> None:
+    """Make sure that a file can be written: it names no folder, and its own folder is there.
+
+    Raises:
+        StorageError: It names a folder, or its folder cannot be made.
+    """
+    if out.is_dir():
+        raise StorageError(f"'{out}' is a folder; give --out the name of a file.")
+    _make_folder(out.parent)
 
 
 def _model_maker(kind: str) -> Callable[[Source, Elite], bytes]:
@@ -133,6 +163,11 @@ def _parser() -> argparse.ArgumentParser:
     )
     which.add_argument(
         "--evaluation", type=int, metavar="K", help="only the controller of this evaluation"
+    )
+    which.add_argument(
+        "--actor",
+        action="store_true",
+        help="the actor, with the descriptor as a second input (onnx; runs of dcrl_map_elites)",
     )
     parser.add_argument(
         "--single",

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import json
+from collections.abc import Mapping, Sequence
 from types import ModuleType
 from typing import Any
 
+import numpy as np
+
 from pga_me_ros.arrays import Float32Array
 from pga_me_ros.core.archive.elites import Elite
+from pga_me_ros.core.networks.conditioned import ConditionedActor
 from pga_me_ros.core.networks.mlp import MlpShape
+from pga_me_ros.core.storage.stored_run import StoredRun
 from pga_me_ros.errors import PgaError
-from pga_me_ros.export.source import Source
+from pga_me_ros.export.source import Source, about_robot
 
 OPSET = 13
 """Old enough for robots, new enough for every operator used here."""
@@ -55,15 +60,65 @@ def controller_bytes(shape: MlpShape, parameters: Float32Array, about: Mapping[s
         PgaError: The onnx package is not installed.
     """
     onnx = require_onnx()
-    helper = onnx.helper
-    nodes, weights = _layers(onnx, shape, parameters)
-    sizes = shape.sizes
-    kind = onnx.TensorProto.FLOAT
+    nodes, weights = _layers(onnx, shape, parameters, "observation")
+    inputs = {"observation": shape.sizes[0]}
+    return _model(onnx, nodes, weights, inputs, shape.sizes[-1], about)
+
+
+def onnx_actor_bytes(run: StoredRun, actor: ConditionedActor) -> bytes:
+    """Return the actor of a run as a serialised ONNX model.
+
+    Its inputs are ``observation``, (batch, observation_dim) float32, and ``descriptor``, (batch, descriptor_dim)
+    float32 in the task's units; its output is ``action``, (batch, action_dim) float32. The model scales the descriptor.
+
+    Raises:
+        PgaError: The onnx package is not installed.
+    """
+    onnx = require_onnx()
+    spec = run.spec
+    low, high = np.array(spec.descriptor_low), np.array(spec.descriptor_high)
+    constants = {
+        "middle": (low + high) / 2,
+        "half_range": (high - low) / 2,
+        "least": np.array(-1.0),
+        "greatest": np.array(1.0),
+    }
+    weights = [
+        onnx.numpy_helper.from_array(np.asarray(v, np.float32), n) for n, v in constants.items()
+    ]
+    node = onnx.helper.make_node
+    nodes = [
+        node("Sub", ["descriptor", "middle"], ["from_middle"]),
+        node("Div", ["from_middle", "half_range"], ["shares"]),
+        node("Clip", ["shares", "least", "greatest"], ["scaled"]),
+        node("Concat", ["observation", "scaled"], ["seen"], axis=1),
+    ]
+    layers, parameters = _layers(onnx, actor.shape, actor.parameters, "seen")
+    inputs = {"observation": spec.observation_dim, "descriptor": spec.descriptor_dim}
+    own = {
+        "descriptor_low": spec.descriptor_low,
+        "descriptor_high": spec.descriptor_high,
+        "layer_sizes": actor.shape.sizes,
+    }
+    about = about_robot(run) | {name: json.dumps(value) for name, value in own.items()}
+    return _model(onnx, nodes + layers, weights + parameters, inputs, spec.action_dim, about)
+
+
+def _model(
+    onnx: ModuleType,
+    nodes: Sequence[Any],
+    weights: Sequence[Any],
+    inputs: Mapping[str, int],
+    actions: int,
+    about: Mapping[str, str],
+) -> bytes:
+    """Return a checked model; `inputs` has the entries of each, `actions` is the number of those of its output."""
+    helper, kind = onnx.helper, onnx.TensorProto.FLOAT
     graph = helper.make_graph(
         nodes,
         "controller",
-        [helper.make_tensor_value_info("observation", kind, ["batch", sizes[0]])],
-        [helper.make_tensor_value_info("action", kind, ["batch", sizes[-1]])],
+        [helper.make_tensor_value_info(name, kind, ["batch", n]) for name, n in inputs.items()],
+        [helper.make_tensor_value_info("action", kind, ["batch", actions])],
         weights,
     )
     model = helper.make_model(
@@ -79,11 +134,10 @@ def controller_bytes(shape: MlpShape, parameters: Float32Array, about: Mapping[s
 
 
 def _layers(
-    onnx: ModuleType, shape: MlpShape, parameters: Float32Array
+    onnx: ModuleType, shape: MlpShape, parameters: Float32Array, signal: str
 ) -> tuple[list[Any], list[Any]]:
-    """Return the nodes and the initializers of a controller's layers."""
+    """Return the nodes and the initializers of a controller's layers; `signal` is what goes into the first."""
     nodes, weights = [], []
-    signal = "observation"
     layers = shape.layers(parameters)
     for i, (weight, bias) in enumerate(layers):
         last = i == len(layers) - 1

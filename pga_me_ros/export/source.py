@@ -68,7 +68,7 @@ class Source:
 
     def about(self, elite: Elite) -> dict[str, str]:
         """Return what a controller's user must know, as text by name; lists and numbers are JSON."""
-        spec, statistics = self.run.spec, self.run.statistics
+        statistics = self.run.statistics
         repeats = int(statistics.repeats[elite.cell])
         means = {
             "mean_fitness": float(statistics.mean_fitness[elite.cell]),
@@ -78,22 +78,30 @@ class Source:
         if repeats > 1:
             means["fitness_spread"] = float(statistics.fitness_spread[elite.cell])
             means["descriptor_spread"] = statistics.descriptor_spread[elite.cell].tolist()
-        known = {
+        own = {
             "cell": elite.cell,
             "evaluation": elite.evaluation,
             "fitness": elite.fitness,
             "descriptor": elite.descriptor.tolist(),
-            "descriptor_names": spec.descriptor_names,
-            "observation_names": spec.observation_names,
-            "observation_units": spec.observation_units,
-            "action_names": spec.action_names,
-            "action_units": spec.action_units,
-            "action_low": spec.action_low,
-            "action_high": spec.action_high,
-            "control_period": spec.control_period,
             "layer_sizes": self.run.shape.sizes,
             "repeats": repeats,
             **(means if repeats else {}),
         }
-        text = {name: json.dumps(value) for name, value in known.items()}
-        return {"task": spec.name, "run_id": self.run.info.run_id, "layout": LAYOUT} | text
+        return about_robot(self.run) | {name: json.dumps(value) for name, value in own.items()}
+
+
+def about_robot(run: StoredRun) -> dict[str, str]:
+    """Return what the user of any controller of a run must know, as text by name; lists and numbers are JSON."""
+    spec = run.spec
+    known = {
+        "descriptor_names": spec.descriptor_names,
+        "observation_names": spec.observation_names,
+        "observation_units": spec.observation_units,
+        "action_names": spec.action_names,
+        "action_units": spec.action_units,
+        "action_low": spec.action_low,
+        "action_high": spec.action_high,
+        "control_period": spec.control_period,
+    }
+    text = {name: json.dumps(value) for name, value in known.items()}
+    return {"task": spec.name, "run_id": run.info.run_id, "layout": LAYOUT} | text

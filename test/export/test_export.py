@@ -29,6 +29,7 @@ from pga_me_ros.core.storage.stored_run import REPERTOIRE, StoredRun
 from pga_me_ros.export.__main__ import main
 from pga_me_ros.export.arrays import write_pyribs
 from pga_me_ros.export.source import Source
+from pga_me_ros.library import StoredRun as OwnRun
 from pga_me_ros.tasks.registry import task_spec
 
 Actions = Float32Array
@@ -114,6 +115,27 @@ def test_a_controller_describes_its_inputs_and_outputs(
     assert json.loads(about["fitness"]) == best.fitness
     assert json.loads(about["observation_names"]) == list(SPEC.observation_names)
     assert json.loads(about["control_period"]) == SPEC.control_period
+
+
+def test_an_exported_actor_does_what_the_stored_one_does(dcrl_run: Path, tmp_path: Path) -> None:
+    file = exported(dcrl_run, tmp_path / "actor.onnx", "onnx", "--actor")
+    actor = OwnRun.load(dcrl_run).actor()
+    wanted = np.random.default_rng(3).random((len(OBSERVATIONS), 1)).astype(np.float32)
+    wanted[:2] = [[-0.5], [1.5]]  # beyond the bounds
+    session = onnxruntime.InferenceSession(file, providers=["CPUExecutionProvider"])
+    (given,) = session.run(["action"], {"observation": OBSERVATIONS, "descriptor": wanted})
+    expected = [actor(o, d) for o, d in zip(OBSERVATIONS, wanted, strict=True)]
+    np.testing.assert_allclose(given, expected, rtol=0, atol=2e-6)
+    several = {
+        "observation": np.tile(OBSERVATIONS[0], (9, 1)),
+        "descriptor": np.linspace(0, 1, 9, dtype=np.float32)[:, None],
+    }
+    assert np.ptp(session.run(["action"], several)[0], axis=0).max() > 1e-3
+    about = onnx_about(file)
+    assert about["task"] == "qd_hopper"
+    assert json.loads(about["descriptor_names"]) == list(SPEC.descriptor_names)
+    assert json.loads(about["descriptor_high"]) == list(SPEC.descriptor_high)
+    assert json.loads(about["layer_sizes"]) == [16, 16, 8, 3]
 
 
 def test_a_controller_accepts_one_observation_at_a_time(hopper_run: Path, tmp_path: Path) -> None:
@@ -283,6 +305,11 @@ MISTAKES = {
     "no such cell": (["RUN", "--to", "csv", "--cell", "30"], "Cell 30 does not exist"),
     "no elite": (["RUN", "--to", "csv", "--evaluation", "99"], "of evaluation 99 is no elite"),
     "a folder": (["RUN", "--to", "csv", "--out", "."], "'.' is a folder"),
+    "no actor": (
+        ["RUN", "--to", "onnx", "--actor"],
+        "of algorithm pga_map_elites, which learns no",
+    ),
+    "an actor as a table": (["RUN", "--to", "npz", "--actor"], "write --to onnx --actor"),
     "a file": (["RUN", "--to", "onnx", "--out", "taken/x"], "Cannot make the folder"),
 }
 
