@@ -19,7 +19,7 @@ VENV = ROOT / ".venv"
 LOG = VENV / "setup.log"
 BUILDS = VENV / "build"
 # With the wheels, CMake needs this for every interface package.
-CMAKE_FOR_WHEELS = f"-DCMAKE_PROJECT_INCLUDE={ROOT / 'scripts' / 'drop_missing_includes.cmake'}"
+CMAKE_FOR_WHEELS = f"-DCMAKE_PROJECT_INCLUDE={ROOT / 'scripts' / 'interface_packages.cmake'}"
 REQUIREMENTS = ("run.txt", "build.txt", "test.txt")
 LOG_LINES_SHOWN = 10
 BOOTSTRAP_GUARD = "_ROS_WHEELS_BOOTSTRAP_COMPLETE"

@@ -96,7 +96,7 @@ STEPS = (
         "messages",
         "building the message package pga_me_msgs (about a minute)",
         lambda: files_below(
-            "msg_defs", "scripts/drop_missing_includes.cmake", "requirements/build.txt"
+            "msg_defs", "scripts/interface_packages.cmake", "requirements/build.txt"
         ),
         build_messages,
     ),
@@ -104,7 +104,7 @@ STEPS = (
         "transforms",
         "building tf2_msgs, for which there is no wheel",
         lambda: files_below(
-            "scripts/tf2_msgs", "scripts/drop_missing_includes.cmake", "requirements/build.txt"
+            "scripts/tf2_msgs", "scripts/interface_packages.cmake", "requirements/build.txt"
         ),
         build_tf2_msgs,
     ),
