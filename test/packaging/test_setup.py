@@ -14,26 +14,42 @@ ROOT = Path(__file__).resolve().parents[2]
 TOOLS = ["sh", "dirname", "gcc", "g++", "make"]
 
 
+def copy_of_checkout(folder: Path) -> Path:
+    """Copy the files that the setup itself needs into a folder."""
+    skipped = shutil.ignore_patterns("__pycache__")
+    for name in ("scripts", "requirements", "msg_defs"):
+        shutil.copytree(ROOT / name, folder / name, ignore=skipped)
+    return folder
+
+
 @pytest.fixture
 def checkout(tmp_path: Path) -> Path:
-    """Return a checkout with the files that the setup itself needs."""
-    for folder in ("scripts", "requirements", "msg_defs"):
-        shutil.copytree(
-            ROOT / folder, tmp_path / folder, ignore=shutil.ignore_patterns("__pycache__")
-        )
-    return tmp_path
+    """Return a checkout without an environment."""
+    return copy_of_checkout(tmp_path)
 
 
-@pytest.fixture
-def machine(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a folder that serves as the whole PATH: Python 3.11, gcc, g++, make."""
-    folder = tmp_path_factory.mktemp("bin")
+def machine_in(folder: Path) -> Path:
+    """Make a folder that serves as the whole PATH: Python 3.11, gcc, g++, make."""
     for tool in TOOLS:
         found = shutil.which(tool)
         assert found, f"this test needs {tool}"
         (folder / tool).symlink_to(found)
     (folder / "python3.11").symlink_to(Path(sys.executable).resolve())
     return folder
+
+
+@pytest.fixture
+def machine(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the PATH of a machine with all tools; a test may remove some."""
+    return machine_in(tmp_path_factory.mktemp("bin"))
+
+
+@pytest.fixture(scope="module")
+def with_venv(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a checkout whose environment was created; a test leaves it with one."""
+    checkout = copy_of_checkout(tmp_path_factory.mktemp("checkout"))
+    set_up(checkout, machine_in(tmp_path_factory.mktemp("bin")), "venv")
+    return checkout
 
 
 def set_up(checkout: Path, path: Path, *steps: str, python: str = "") -> tuple[int, list[str]]:
@@ -84,32 +100,32 @@ def test_wrong_python_is_named_in_one_line(checkout: Path, machine: Path, answer
     assert f"PYTHON={other}" in lines[0]
 
 
-def test_failing_step_shows_the_error_and_the_log(checkout: Path, machine: Path) -> None:
-    (checkout / "requirements" / "run.txt").write_text("./no-such-package\n")
-    status, lines = set_up(checkout, machine)
+def test_failing_step_shows_the_error_and_the_log(with_venv: Path, machine: Path) -> None:
+    requirements = with_venv / "requirements" / "run.txt"
+    before = requirements.read_text()
+    requirements.write_text("./no-such-package\n")
+    status, lines = set_up(with_venv, machine)
+    requirements.write_text(before)
     assert status == 1
     assert "no-such-package" in "".join(lines[:-1])
-    assert str(checkout / ".venv" / "setup.log") in lines[-1]
+    assert str(with_venv / ".venv" / "setup.log") in lines[-1]
 
 
-def test_finished_step_is_not_run_again(checkout: Path, machine: Path) -> None:
-    set_up(checkout, machine, "venv")
-    assert set_up(checkout, machine, "venv") == (0, [])
+def test_finished_step_is_not_run_again(with_venv: Path, machine: Path) -> None:
+    assert set_up(with_venv, machine, "venv") == (0, [])
 
 
 def test_environment_whose_installation_was_interrupted_is_recreated(
-    checkout: Path, machine: Path
+    with_venv: Path, machine: Path
 ) -> None:
-    set_up(checkout, machine, "venv")
-    leftover = checkout / ".venv" / "leftover"
+    leftover = with_venv / ".venv" / "leftover"
     leftover.touch()
-    (checkout / ".venv" / ".stamps" / "requirements").write_text("running")
-    status, _ = set_up(checkout, machine, "venv")
+    (with_venv / ".venv" / ".stamps" / "requirements").write_text("running")
+    status, _ = set_up(with_venv, machine, "venv")
     assert (status, leftover.exists()) == (0, False)
 
 
-def test_moved_environment_is_recreated(checkout: Path, machine: Path) -> None:
-    set_up(checkout, machine, "venv")
-    moved = checkout.rename(checkout.with_name(f"{checkout.name}-moved"))
+def test_moved_environment_is_recreated(with_venv: Path, tmp_path: Path, machine: Path) -> None:
+    moved = shutil.copytree(with_venv, tmp_path / "moved", symlinks=True)
     set_up(moved, machine, "venv")
     assert str(moved) in (moved / ".venv" / "bin" / "activate").read_text()
