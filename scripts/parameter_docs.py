@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import fields
 
 from pga_me_ros.core.settings import Settings
+from pga_me_ros.core.settings.rules import RULES
 from pga_me_ros.core.settings.run import ALGORITHM_NAMES
 from pga_me_ros.nodes.archive_manager import ArchiveManagerSettings
 from pga_me_ros.nodes.evaluator import EvaluatorSettings
@@ -81,9 +82,14 @@ def own_values() -> str:
         f"| algorithm | {' | '.join(f'`{name}`' for name in names)} |",
         "|---" * (len(names) + 1) + "|",
     ]
+    parts = {f.name: f.metadata["part"] for f in fields(Settings)}
     for algorithm in ALGORITHM_NAMES:
         values = vars(Settings(algorithm=algorithm))
-        rows.append(f"| `{algorithm}` | {' | '.join(f'`{values[name]}`' for name in names)} |")
+        rules = RULES[algorithm]
+        used = {n for n in names if parts[n] in {"", *rules.parts}}
+        used -= {"n_crit"} & rules.fixed.keys()  # td3 takes as many steps as its robot
+        cells = (f"`{values[name]}`" if name in used else "" for name in names)
+        rows.append(f"| `{algorithm}` | {' | '.join(cells)} |")
     return "\n".join(rows) + "\n"
 
 

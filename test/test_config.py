@@ -91,3 +91,39 @@ def test_the_values_that_it_suggests_are_the_defaults(task: str) -> None:
     values = yaml.safe_load(suggested)
     assert values
     assert Settings(task=task, **values) == Settings(task=task)
+
+
+def preset(name: str) -> dict[str, object]:
+    content: dict[str, object] = yaml.safe_load((CONFIG / "presets" / f"{name}.yaml").read_text())
+    parameters = content["/**"]["ros__parameters"]  # type: ignore[index]
+    assert isinstance(parameters, dict)
+    return parameters
+
+
+LATER = "pga_map_elites_later"
+
+
+def test_every_preset_is_tested() -> None:
+    assert [path.stem for path in (CONFIG / "presets").iterdir()] == [LATER]
+
+
+def test_the_later_rates_are_those_of_the_authors_lab() -> None:
+    later = Settings(**preset(LATER))
+    assert (later.algorithm, later.batch_size, later.random_init) == ("pga_map_elites", 256, 256)
+    assert (later.n_evo, later.n_crit, later.transition_batch) == (128, 3000, 100)
+    assert (later.n_grad, later.pg_learning_rate) == (150, 5e-3)
+    successor = Settings(algorithm="dcrl_map_elites")
+    shared = ("n_crit", "transition_batch", "n_grad", "pg_learning_rate", "batch_size")
+    assert all(getattr(later, name) == getattr(successor, name) for name in shared)
+
+
+def test_a_preset_holds_what_differs_and_goes_with_any_task() -> None:
+    values = preset(LATER)
+    assert Settings(**values).given == values
+    assert all(value != getattr(Settings(), name) for name, value in values.items())
+    assert "task" not in values
+
+
+def test_the_experiment_with_the_later_rates_has_those_of_the_preset() -> None:
+    plan = yaml.safe_load((CONFIG / "experiments" / "successor.yaml").read_text())
+    assert plan["systems"][LATER] == {"algorithm": "pga_map_elites", **preset(LATER)}

@@ -169,6 +169,22 @@ def test_a_task_that_lacks_what_the_algorithm_needs_is_refused_before_anything_s
     assert not run_dir.exists()
 
 
+def test_a_task_without_a_bounded_descriptor_is_refused_before_anything_starts(
+    graph: Graph, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "endless.py").write_text(
+        "import dataclasses, math\n"
+        "from pga_me_ros.tasks.bullet.locomotion import QDHopper\n\n\n"
+        "class Endless(QDHopper):\n"
+        "    spec = dataclasses.replace(QDHopper.spec, descriptor_high=(math.inf,))\n"
+    )
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path), prepend=os.pathsep)
+    run_dir = tmp_path / "run"
+    words = refused_run(graph, run_dir, task="endless:Endless", algorithm="dcrl_map_elites")
+    assert "descriptor_low[0] is 0.0 and descriptor_high[0] is inf; expected finite num" in words
+    assert not run_dir.exists()
+
+
 def test_a_task_that_fails_during_the_run_ends_the_run_with_its_reason(
     graph: Graph, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
