@@ -96,6 +96,8 @@ class ArchiveManager(GraphNode):
         else:  # a run's own is never disturbed
             leave_to_elders(self, lambda msg: msg.kind == "archive_manager", OTHER_NAME)
         self._show()
+        if not self._grow:
+            self.get_logger().info(self._readers.in_words(str(path)))
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(LOOK_PERIOD, self.unless_ended(self._look), clock=steady)
         self.start_heartbeat(run_id=self._info.run_id, task=self._info.task["name"])

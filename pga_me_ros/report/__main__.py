@@ -171,7 +171,9 @@ def main() -> int:
             print(comparison_table(comparison))
             table_file.write_text(comparison_table(comparison) + "\n")
             _require_published((task.task for task in comparison.tasks), asked=arguments.paper)
-            drawn = draw_comparison(comparison, arguments.out, paper=arguments.paper)
+            drawn = draw_comparison(
+                comparison, arguments.out, paper=arguments.paper, single=arguments.single
+            )
             for file in [table_file, *drawn]:
                 print(file)
             return
@@ -225,12 +227,14 @@ def _require_published(tasks: Iterable[str], *, asked: bool) -> None:
     print(f"note: the authors published nothing on {', '.join(unknown)}", file=sys.stderr)
 
 
-def draw_comparison(comparison: Comparison, folder: Path, *, paper: bool = False) -> list[Path]:
+def draw_comparison(
+    comparison: Comparison, folder: Path, *, paper: bool = False, single: bool = False
+) -> list[Path]:
     """Draw Figure 3 and Figure 4 of the paper, with the authors' medians if they are asked for; returns the files."""
     from pga_me_ros.report.comparison_pictures import draw_archives_compared, draw_curves_compared
 
     curves = draw_curves_compared(comparison, folder, paper=paper)
-    return curves + draw_archives_compared(comparison, folder)
+    return curves + draw_archives_compared(comparison, folder, single=single)
 
 
 def draw(

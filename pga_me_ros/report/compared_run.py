@@ -10,6 +10,7 @@ import numpy as np
 
 from pga_me_ros.arrays import Float64Array
 from pga_me_ros.core.archive.archive import Archive
+from pga_me_ros.core.archive.corrected import corrected_archive
 from pga_me_ros.core.storage.reevaluations import fitness_differences
 from pga_me_ros.core.storage.stored_run import StoredRun
 from pga_me_ros.errors import StorageError
@@ -87,13 +88,22 @@ class ComparedRun:
             curves={**curves, "fitness_difference": differences, **_corrected_curves(run)},
         )
 
-    def load_archive(self) -> Archive:
+    @property
+    def is_corrected(self) -> bool:
+        """Whether all elites of its last generation were evaluated again."""
+        return bool(np.isfinite(self.curves["corrected_qd_score"][-1]))
+
+    def load_archive(self, *, corrected: bool = False) -> Archive:
         """Return the archive after the last generation.
+
+        Args:
+            corrected: Whether it is to be the one that re-evaluations of its elites make of it.
 
         Raises:
             StorageError: The run is damaged.
         """
-        return StoredRun.load(self.file).archive
+        run = StoredRun.load(self.file)
+        return corrected_archive(run.archive, run.statistics) if corrected else run.archive
 
     def at(self, evaluations: Curve, metric: str, offset: float) -> Curve:
         """Return a metric as it was after so many evaluations: that of the last generation within them.

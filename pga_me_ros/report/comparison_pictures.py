@@ -100,18 +100,25 @@ def _draw_metric(
     axes.spines[["top", "right"]].set_visible(False)
 
 
-def draw_archives_compared(comparison: Comparison, folder: Path) -> list[Path]:
-    """Draw an archive of every system side by side, a task a file and one color scale in each; returns the files."""
+def draw_archives_compared(
+    comparison: Comparison, folder: Path, *, single: bool = False
+) -> list[Path]:
+    """Draw an archive of every system side by side, a task a file and one color scale in each; returns the files.
+
+    Where the elites of all of them were evaluated again, they are the corrected archives, unless `single` evaluations
+    are asked for.
+    """
     files = []
     for task in comparison.tasks:
-        files += _draw_archives(task, folder)
+        files += _draw_archives(task, folder, single=single)
     return files
 
 
-def _draw_archives(task: TaskComparison, folder: Path) -> list[Path]:
+def _draw_archives(task: TaskComparison, folder: Path, *, single: bool) -> list[Path]:
     """Draw the archive of each system's run with the median QD-score."""
     runs = {system: task.typical(system) for system in task.systems}
-    archives = {system: run.load_archive() for system, run in runs.items()}
+    corrected = not single and all(run.is_corrected for run in runs.values())
+    archives = {system: run.load_archive(corrected=corrected) for system, run in runs.items()}
     low = min(archive.min_fitness for archive in archives.values())
     high = max(archive.max_fitness for archive in archives.values())
     columns = min(3, len(runs))
@@ -137,5 +144,7 @@ def _draw_archives(task: TaskComparison, folder: Path) -> list[Path]:
     colors = LinearSegmentedColormap.from_list("fitness", np.array(ANCHORS) / 255.0)
     scale = mpl.cm.ScalarMappable(Normalize(low, high), colors)
     figure.colorbar(scale, ax=grid, label="fitness (sum of rewards)")
-    figure.suptitle(f"{task.task}: of each system the run with the median QD-score", fontsize=10)
+    what = "; corrected by the means of re-evaluations" if corrected else ""
+    title = f"{task.task}: of each system the run with the median QD-score{what}"
+    figure.suptitle(title, fontsize=10)
     return save(figure, folder / f"comparison-{task.task}-archives")

@@ -68,6 +68,18 @@ class RepertoireServices:
         """Return what the archive after a generation is worth by re-evaluations, None while it is not known."""
         return self._known.measures(self.archive, generation, growing=self._growing)
 
+    def in_words(self, name: str) -> str:
+        """Return what is served, and what is known of it.
+
+        Args:
+            name: What it is called.
+        """
+        measured = self._known.measures(self.archive, self.metrics.generation, growing=False)
+        behaviors = f"serves '{name}': {len(self.archive)} behaviors of {self._spec.name}"
+        if measured is None:
+            return f"{behaviors}; not all were re-evaluated, so what they are worth on average is unknown"
+        return f"{behaviors}; re-evaluated {measured.repeats} times or more, {100.0 * measured.fall_share:.1f} % falls"
+
     @property
     def outdated(self) -> bool:
         """Whether re-evaluations came in that `metrics` do not know of."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import shutil
 import sys
 from collections.abc import Iterator
@@ -146,12 +147,20 @@ def test_it_is_served(old: Old, client: RepertoireClient) -> None:
             assert getattr(behavior, name) == elite[name]
         assert behavior.parents == tuple(p for p in (elite["parent1"], elite["parent2"]) if p >= 0)
         np.testing.assert_array_equal(behavior.descriptor, elite["descriptor"])
-    best = client.get_behavior(best=True)
+    best = client.get_behavior(best=True, single=True)
     assert best.fitness == max(elite["fitness"] for elite in elites.values())
     np.testing.assert_array_equal(best.controller.parameters, elites[best.cell]["parameters"])
     if (old.path / "reevaluations.npz").exists():
+        assert info.corrected_repeats == 0, "only some of its elites were evaluated again"
         by_mean = client.get_behavior(best=True, by_mean=True)
+        assert (by_mean.by_mean, 0.0 <= by_mean.fall_share <= 1.0) == (True, True)
         assert by_mean.mean_fitness == pytest.approx(mean_fitness(old.stored)[by_mean.evaluation])
+        return
+    # What is not known is said to be unknown.
+    assert {behavior.repeats for behavior in listed} == {0}
+    assert not any(behavior.by_mean for behavior in listed)
+    assert all(math.isnan(behavior.fall_share) for behavior in listed)
+    assert (info.corrected_repeats, math.isnan(info.corrected_qd_score)) == (0, True)
 
 
 def test_it_is_resumed(old: Old, resumed: Path) -> None:

@@ -251,7 +251,9 @@ def test_a_task_that_has_changed_is_not_simulated(
         reevaluate(fresh, 1)
 
 
-@pytest.mark.parametrize("numbers", [{"repeats": 0}, {"best": 0}, {"processes": -1}])
+@pytest.mark.parametrize(
+    "numbers", [{"repeats": 0}, {"repeats": -3}, {"best": 0}, {"processes": -1}]
+)
 def test_invalid_numbers_are_refused(run: Path, numbers: dict[str, int]) -> None:
     (name,) = numbers
     with pytest.raises(RequestError, match=f"--{name} is"):
