@@ -68,7 +68,7 @@ MAY_IMPORT = {
         "tasks",
     },
     "ros": {"core*", "process", "tasks"},
-    "client": {"core/networks", "ros"},
+    "client": {"core/networks", "core/storage", "process", "ros"},
     "orchestration": {"core*", "process", "ros", "tasks"},
     "serving": {"core*", "ros", "tasks"},
     "nodes": {

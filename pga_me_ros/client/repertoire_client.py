@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 from pga_me_msgs.srv import GetBehavior, GetBehaviors, GetInfo, ListBehaviors
@@ -25,6 +26,7 @@ from pga_me_ros.client.behaviors import (
     ListedBehavior,
     RepertoireInfo,
 )
+from pga_me_ros.client.own_server import OwnServer
 from pga_me_ros.client.patient_caller import (
     PatientCaller,
     PendingCall,
@@ -51,10 +53,29 @@ class RepertoireClient:
         node: Node to ask through.
         prefix: Namespace of the repertoire, such as ``/left``; empty for the node's own.
         timeout: Seconds after which a call fails, waiting for the service included.
+        repertoire: A repertoire to serve by an archive manager of one's own, until `close` or the end of this process:
+            ``zoo/NAME``, the folder of a run, or a repertoire file. Empty asks who serves one already.
+
+    Raises:
+        RequestError: The timeout makes no sense, or both a prefix and a repertoire are given.
+        StorageError: There is no such repertoire.
     """
 
-    def __init__(self, node: Node, prefix: str = "", timeout: float = TIMEOUT) -> None:
+    def __init__(
+        self,
+        node: Node,
+        prefix: str = "",
+        timeout: float = TIMEOUT,
+        *,
+        repertoire: str | Path = "",
+    ) -> None:
         _check_timeout(timeout)
+        if repertoire and prefix:
+            raise RequestError(
+                f"prefix is '{prefix}', but a repertoire of one's own has a namespace of its own; give one of them."
+            )
+        self._server = OwnServer(node, repertoire) if repertoire else None
+        prefix = self._server.prefix if self._server else prefix
         self._node = node
         self._timeout = timeout
         self._caller = PatientCaller(node)
@@ -139,10 +160,7 @@ class RepertoireClient:
             wanted: As in `get_behavior_async`.
 
         Raises:
-            BehaviorNotFoundError: As in `get_behavior`.
-            RepertoireTimeoutError: As in `get_behavior`.
-            BlockedExecutorError: As in `get_behavior`.
-            RequestError: As in `get_behavior`.
+            PgaError: As in `get_behavior`.
         """
         found: FoundBehavior = self._caller.result(
             self._ask_behavior(**wanted, with_controller=False)
@@ -160,9 +178,7 @@ class RepertoireClient:
             limits: As in `get_behaviors`.
 
         Raises:
-            RequestError: As in `get_behaviors`.
-            RepertoireTimeoutError: As in `get_behavior`.
-            BlockedExecutorError: As in `get_behavior`.
+            PgaError: As in `get_behaviors`.
         """
         found: tuple[FoundBehavior, ...] = self._caller.result(
             self._ask_behaviors(descriptor, count, **limits, with_controllers=False)
@@ -255,8 +271,10 @@ class RepertoireClient:
         return self._ask_info(timeout).future
 
     def close(self) -> None:
-        """Destroy the clients; only while the node is not spun. Destroying the node does it too."""
+        """Destroy the clients, and end one's own archive manager; only while the node is not spun."""
         self._caller.close()
+        if self._server:
+            self._server.close()
         for client in (self._behavior, self._behaviors, self._list, self._info):
             self._node.destroy_client(client)
 
@@ -299,6 +317,8 @@ class RepertoireClient:
     def _start(
         self, client: Client, request: Any, read: Callable[[Any], Any], timeout: float | None
     ) -> PendingCall:
+        if self._server:
+            self._server.require_alive()
         seconds = self._timeout if timeout is None else timeout
         _check_timeout(seconds)
         return self._caller.start(client, request, read, seconds)

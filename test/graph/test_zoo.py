@@ -14,6 +14,7 @@ from stored import store
 from pga_me_ros.client import RepertoireClient
 from pga_me_ros.core.storage.reevaluations import Reevaluations, RepeatOutcome
 from pga_me_ros.core.storage.shipped import VARIABLE
+from pga_me_ros.errors import PgaError, RequestError, StorageError
 from pga_me_ros.ros import names
 from pga_me_ros.thin.__main__ import main as thin
 
@@ -60,6 +61,28 @@ def test_it_is_served_by_its_name_without_training_torch_or_simulator(
     assert "numpy" in loaded
     assert "torch" not in loaded
     assert "pybullet" not in loaded
+
+
+def test_a_client_serves_it_itself_and_leaves_nothing_behind(
+    zoo: Path, probe: Probe, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(VARIABLE, str(zoo))
+    client = RepertoireClient(probe.node, timeout=60.0, repertoire="zoo/tiny_walker")
+    assert client.get_behavior(best=True).repeats == 4
+    assert client.get_info().task == "qd_walker"
+    server = client._server
+    assert server is not None
+    pid = server._process.pid
+    client.close()
+    assert not Path(f"/proc/{pid}").exists()
+    with pytest.raises(PgaError, match="own archive manager has ended"):
+        client.get_info()
+    with pytest.raises(StorageError, match=r"did you mean 'zoo/tiny_walker'"):
+        RepertoireClient(probe.node, repertoire="zoo/tiny_waker")
+    with pytest.raises(StorageError, match="There is no repertoire 'nowhere'"):
+        RepertoireClient(probe.node, repertoire="nowhere")
+    with pytest.raises(RequestError, match="give one of them"):
+        RepertoireClient(probe.node, "/left", repertoire="zoo/tiny_walker")
 
 
 def test_for_an_unknown_name_the_nearest_is_offered_in_one_line(

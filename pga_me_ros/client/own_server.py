@@ -1,0 +1,73 @@
+"""An archive manager of one's own: serves a repertoire to the client that started it, and ends with its process."""
+
+from __future__ import annotations
+
+import itertools
+import os
+import signal
+import tempfile
+from pathlib import Path
+
+from rclpy.node import Node
+
+from pga_me_ros.core.storage.shipped import is_shipped_name, shipped_folder
+from pga_me_ros.errors import PgaError, StorageError
+from pga_me_ros.process.child import ChildProcess, python_module
+
+_count = itertools.count(1)
+
+LEAVE_TIME = 2.0
+"""Seconds that it gets to end when it is told to."""
+
+
+class OwnServer:
+    """An archive manager in a namespace that nobody else has.
+
+    Args:
+        node: Node that asks it.
+        repertoire: What it serves: ``zoo/NAME``, the folder of a run, or a repertoire file.
+
+    Attributes:
+        prefix: Its namespace.
+
+    Raises:
+        StorageError: There is no such repertoire.
+    """
+
+    def __init__(self, node: Node, repertoire: str | Path) -> None:
+        path = Path(repertoire)
+        path = shipped_folder(path) if is_shipped_name(path) else path
+        if not path.exists():
+            raise StorageError(
+                f"There is no repertoire '{repertoire}'; give zoo/NAME, the folder of a run, or a repertoire file."
+            )
+        self.prefix = f"/{node.get_name()}_{os.getpid()}_{next(_count)}"
+        self._output = tempfile.TemporaryDirectory(prefix="pga_me_ros-")
+        arguments = ["--ros-args", "-r", f"__ns:={self.prefix}", "-p"]
+        command = python_module(
+            "pga_me_ros.nodes.archive_manager", *arguments, f"repertoire:={path.resolve()}"
+        )
+        self._process = ChildProcess(
+            command,
+            Path(self._output.name) / "archive_manager.log",
+            environment={"ROS_DOMAIN_ID": str(node.context.get_domain_id())},
+        )
+
+    def require_alive(self) -> None:
+        """Make sure that it still serves.
+
+        Raises:
+            PgaError: It has ended; the message says why.
+        """
+        if not self._process.alive:
+            words = self._process.last_words() or "it printed nothing"
+            raise PgaError(f"The client's own archive manager has ended: {words}")
+
+    def close(self) -> None:
+        """End it."""
+        self._process.send(signal.SIGTERM)
+        if not self._process.wait(LEAVE_TIME):
+            self._process.kill_session()
+            self._process.wait()
+        self._process.close_input()
+        self._output.cleanup()
