@@ -20,7 +20,10 @@ PIECE = 25
 """Re-evaluations per evaluator that are handed out at a time; requests with more would only be large."""
 
 LOOK_PERIOD = 1.0
-"""Seconds after which progress is reported though nothing else is to be done."""
+"""Seconds after which it is looked at whether the run is paused, though nothing has come in."""
+
+TELL_PERIOD = 2.0
+"""Seconds between two reports of progress."""
 
 SAVE_PERIOD = 10.0
 """Seconds between two writes of what was found so far."""
@@ -95,6 +98,9 @@ class FinalReevaluation:
             self._progress.say(f"warning: the elites were not all evaluated again: {error}")
             return
         if corrected:
+            self._progress.say(
+                f"its {corrected.elites} elites on average of {corrected.repeats} or more re-evaluations:"
+            )
             for line in in_words(corrected, run.archive):
                 self._progress.say(line)
 
@@ -111,7 +117,7 @@ class FinalReevaluation:
         """Hand out what is missing, piece by piece, and take what comes back."""
         left = list(enumerate(work.missing, start=1))
         under_way: dict[int, tuple[int, int]] = {}
-        total, saved = len(left), time.monotonic()
+        total, saved, told = len(left), time.monotonic(), time.monotonic()
         self._pool.begin(self._directory.settings.generations)
         try:
             while left or under_way:
@@ -127,7 +133,10 @@ class FinalReevaluation:
                 few = min(len(under_way), room) - 1 if left else 0
                 self._waiter.until(lambda: self._unfinished(under_way) <= few, LOOK_PERIOD)  # noqa: B023
                 work.take(self._finished(under_way))
-                self._progress.reevaluated(total - len(left) - len(under_way), total)
+                done = total - len(left) - len(under_way)
+                if done == total or time.monotonic() > told + TELL_PERIOD:
+                    self._progress.reevaluated(done, total)
+                    told = time.monotonic()
                 if time.monotonic() > saved + SAVE_PERIOD:
                     work.save()
                     saved = time.monotonic()
