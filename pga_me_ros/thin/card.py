@@ -184,7 +184,8 @@ def _word(value: Any) -> str:
         return str(value).lower()
     if isinstance(value, tuple):
         return f'"[{", ".join(str(v) for v in value)}]"'
-    return str(value)
+    text = str(value)
+    return f'"{text}"' if " " in text else text
 
 
 def duration(generations: Sequence[Generation]) -> str:

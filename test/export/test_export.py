@@ -221,6 +221,23 @@ def test_re_evaluations_are_exported(again: Path, tmp_path: Path) -> None:
         assert arrays["mean_fitness"][arrays["cell"] == best].tolist() == [15.0]
 
 
+def test_the_best_is_the_best_on_average_unless_asked_otherwise(
+    again: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    lucky = archive_of(again).best()
+    others = archive_of(again).fitness.copy()
+    others[lucky.cell] = np.nan
+    assert np.nanmax(others) > 15.0, "the test needs one that is better than the lucky one's mean"
+    (row,) = table(exported(again, tmp_path / "mean.csv", "csv", "--best"))
+    assert int(row["cell"]) == np.nanargmax(others)
+    assert "in its single evaluation" in capsys.readouterr().err
+    (row,) = table(exported(again, tmp_path / "single.csv", "csv", "--best", "--single"))
+    assert (int(row["cell"]), row["fall_share"]) == (lucky.cell, "1.0")
+    out = tmp_path / "none.csv"
+    assert main([str(again), "--to", "csv", "--single", "--out", str(out)]) == 2
+    assert "give it together with --best" in capsys.readouterr().err
+
+
 def test_one_elite_is_chosen_by_cell_or_evaluation(hopper_run: Path, tmp_path: Path) -> None:
     archive = archive_of(hopper_run)
     cell = int(archive.filled_cells()[2])

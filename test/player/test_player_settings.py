@@ -23,6 +23,10 @@ def values(**given: Any) -> dict[str, Any]:
         ({"descriptor": (0.9, 0.1)}, {"descriptor": [0.9, 0.1]}),
         ({"cell": 0}, {"cell": 0}),
         ({"select": "random", "min_fitness": 5.0}, {"random": True, "min_fitness": 5.0}),
+        (
+            {"single": True, "max_fall_share": 0.1},
+            {"best": True, "single": True, "max_fall_share": 0.1},
+        ),
     ],
 )
 def test_the_choice_follows_from_what_is_given(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -18,11 +19,13 @@ from pga_me_ros.core.networks.controller import MlpController
 from pga_me_ros.core.networks.mlp import random_parameters
 from pga_me_ros.core.networks.shapes import controller_shape
 from pga_me_ros.core.settings import Settings
+from pga_me_ros.core.storage.reevaluations import Reevaluations, RepeatOutcome
 from pga_me_ros.core.storage.repertoire import Repertoire
 from pga_me_ros.core.storage.run_info import RunInfo
-from pga_me_ros.core.storage.stored_run import StoredRun
+from pga_me_ros.library import StoredRun
 from pga_me_ros.player.body_reader import BodyReader
 from pga_me_ros.player.camera import FIELD_OF_VIEW, Camera
+from pga_me_ros.player.promise import kept
 from pga_me_ros.render.__main__ import main
 from pga_me_ros.render.contact_sheet import GAP, HEAD, LABEL, spread_cells
 from pga_me_ros.render.scene import Scene
@@ -123,6 +126,30 @@ def test_a_gif_shows_the_robot_moving_and_well_in_the_picture(
         assert columns.max() < 199
     first, last = robot(pictures[0]), robot(pictures[-1])
     assert (first != last).sum() > 0.2 * first.sum()
+
+
+def test_another_start_is_compared_with_what_was_found_or_with_the_mean(
+    run: Path, render: Callable[..., str], tmp_path: Path
+) -> None:
+    best = StoredRun.load(run).archive.best()
+    small = ("--out", tmp_path / "gait.gif", "--size", 60, 40)
+    assert render("--best", "--seed", 3, *small).strip().endswith(": different")
+    outcomes = [
+        RepeatOutcome(best.evaluation, k, best.fitness + k, best.descriptor, 9, True)
+        for k in range(2)
+    ]
+    copy = Path(shutil.copytree(run, tmp_path / "again"))
+    Reevaluations.none("hoppers", 1).with_more(outcomes).save(copy / "repertoire.db")
+    task = make_task("qd_hopper")
+    gait = StoredRun.load(copy).choose(cell=best.cell)
+    episode = StoredRun.load(copy).rollout(gait, 3, task)
+    task.close()
+    words = kept(gait, episode, fresh=True)
+    assert f"fitness {best.fitness + 0.5:.2f} ± 0.71" in words
+    assert "on average of 2 re-evaluations, 100 % of them falls: fitness " in words
+    assert kept(gait, StoredRun.load(copy).rollout(gait)).endswith(": equal")
+    single = StoredRun.load(copy).choose(cell=best.cell, single=True)
+    assert kept(single, episode, fresh=True).endswith(": different")
 
 
 def test_a_gif_lasts_as_long_as_the_episode(
