@@ -13,6 +13,7 @@ import pytest
 
 import pga_me_ros
 from pga_me_ros.core.runs.run_directory import open_run
+from pga_me_ros.core.operators import Operator
 from pga_me_ros.core.search import Search
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.core.storage.metrics_file import METRICS_FILE
@@ -162,7 +163,7 @@ def test_injected_elites_are_the_actor_of_their_generation(dcrl_run: Path) -> No
     run = StoredRun.load(dcrl_run)
     made = {run.behavior(cell).made_by for cell in run.archive.filled_cells().tolist()}
     assert made <= {"random", "ga", "pg", "actor_injection"}
-    assert sum(m.offspring[8] for m in run.metrics) == 2 * 2
+    assert sum(m.offspring[Operator.ACTOR_INJECTION] for m in run.metrics) == 2 * 2
 
 
 def test_a_run_without_an_actor_says_so(saved: StoredRun, dcrl_run: Path, tmp_path: Path) -> None:
