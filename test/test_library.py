@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 import pga_me_ros
-from pga_me_ros.core.runs.run_directory import open_run
 from pga_me_ros.core.operators import Operator
+from pga_me_ros.core.runs.run_directory import open_run
 from pga_me_ros.core.search import Search
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.core.storage.metrics_file import METRICS_FILE

@@ -8,7 +8,6 @@ import numpy as np
 from pga_me_msgs.msg import Elites
 from pga_me_msgs.msg import Metrics as MetricsMsg
 from pga_me_msgs.srv import AddToArchive, Extract, SampleParents
-from rclpy.clock import Clock, ClockType
 
 from pga_me_ros.arrays import Int64Array
 from pga_me_ros.core.algorithms import algorithm_of
@@ -98,6 +97,11 @@ class ArchiveManager(GraphNode):
         self._show()
         if not self._grow:
             self.get_logger().info(self._readers.in_words(str(path)))
+        from rclpy.clock import (
+            Clock,
+            ClockType,
+        )  # not before pga_me_ros.ros has looked at RMW_IMPLEMENTATION
+
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(LOOK_PERIOD, self.unless_ended(self._look), clock=steady)
         self.start_heartbeat(run_id=self._info.run_id, task=self._info.task["name"])

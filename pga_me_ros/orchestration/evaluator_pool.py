@@ -6,7 +6,6 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
-from itertools import repeat
 from typing import Any
 
 from pga_me_msgs.msg import NodeStatus
@@ -17,12 +16,12 @@ from rclpy.node import Node
 from pga_me_ros.arrays import Float32Array, Float64Array
 from pga_me_ros.errors import PgaError
 from pga_me_ros.orchestration.evaluator_work import (
-    FIRST,
     Chunk,
     Controller,
     Job,
     Outcome,
     Worker,
+    controllers_of,
     share,
 )
 from pga_me_ros.orchestration.roster import STALE
@@ -112,17 +111,11 @@ class EvaluatorPool:
         Args:
             ids: n evaluation ids; of re-evaluations, n numbers below 0, which no evaluation has.
             parameters: (n, P) float32 parameters.
-            intended: (n, descriptor_dim) float64 descriptors that they are meant to achieve, NaN for none; None if that
-                holds for all.
+            intended: (n, descriptor_dim) float64 descriptors that they are meant to achieve, NaN or None for none.
             again: (evaluation id, repeat) of each re-evaluation; empty if these are evaluations.
         """
-        aims = repeat(None) if intended is None else iter(intended)
-        work = again or [(k, FIRST) for k in ids]
         with self._lock:
-            for k, vector, aim, (evaluation, number) in zip(
-                ids, parameters, aims, work, strict=False
-            ):
-                self._controllers[k] = Controller(vector, aim, evaluation, number)
+            self._controllers |= controllers_of(ids, parameters, intended, again)
             self._queue.extend(ids)
             self._dispatch()
 
@@ -296,10 +289,9 @@ class EvaluatorPool:
                 self._send(helper, some)
 
     def _send(self, worker: Worker, ids: list[int]) -> None:
-        controllers = [self._controllers[k] for k in ids]
-        request = self._job.request(self.generation, self._exploration_sigma, controllers)
-        chunk = Chunk(ids, time.monotonic())
-        worker.chunks.append(chunk)
+        what = [self._controllers[k] for k in ids]
+        request = self._job.request(self.generation, self._exploration_sigma, what)
+        worker.chunks.append(chunk := Chunk(ids, time.monotonic()))
         chunk.future = worker.client.call_async(request)
         chunk.future.add_done_callback(lambda future: self._answered(worker, chunk, future))
 
@@ -307,9 +299,7 @@ class EvaluatorPool:
         with self._lock:
             if chunk in worker.chunks:  # else it was given up in the meantime
                 worker.chunks.remove(chunk)
-            if all(
-                k in self._controllers for k in chunk.ids
-            ):  # else it is of an earlier generation
+            if all(k in self._controllers for k in chunk.ids):  # else of an earlier generation
                 self._take(worker, chunk, future.result())
             self._dispatch()
             all_done = self._error or len(self._outcomes) == len(self._controllers)

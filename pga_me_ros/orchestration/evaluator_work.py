@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from itertools import repeat
 from math import ceil
 from typing import Any, NamedTuple
 
@@ -45,6 +46,19 @@ class Controller(NamedTuple):
     intended: Float64Array | None
     evaluation: int
     repeat: int = FIRST
+
+
+def controllers_of(
+    ids: Sequence[int],
+    parameters: Iterable[Float32Array],
+    intended: Float64Array | None,
+    again: Sequence[tuple[int, int]],
+) -> dict[int, Controller]:
+    """Return what is to be evaluated by id; arguments as in `EvaluatorPool.submit`."""
+    aims = repeat(None) if intended is None else iter(intended)
+    work = again or [(k, FIRST) for k in ids]
+    rows = zip(ids, parameters, aims, work, strict=False)
+    return {k: Controller(vector, aim, *of) for k, vector, aim, of in rows}
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from pga_me_ros.report.pictures import label_axes, save
 
 COLORS = (
     *("#999999", "#e69f00", "#0072b2", "#000000", "#cc79a7", "#56b4e9", "#d55e00", "#009e73"),
-    "#f0e442",
+    *("#f0e442", "#882255"),
 )
 """Colors that the color-blind tell apart (Okabe and Ito), by operator; more operators than these share them."""
 

@@ -58,5 +58,5 @@ def test_an_unknown_version_is_still_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     bag = recorded(tmp_path / "bag", DIGEST[:-1] + "0", monkeypatch)
-    with pytest.raises(StorageError, match="with other fields than those installed here"):
+    with pytest.raises(StorageError, match="with other fields than the type installed here"):
         list(read_bag(bag, [TRANSITIONS]))
