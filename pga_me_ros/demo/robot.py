@@ -7,16 +7,19 @@ from __future__ import annotations
 
 import os
 import sys
+from contextlib import suppress
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as in evaluators
 
 import numpy as np
 import rclpy
 from rclpy.executors import ExternalShutdownException
+from rclpy.node import Node
 
-from pga_me_ros.client import Behavior, RepertoireClient, RepertoireInfo
+from pga_me_ros.client import Behavior, BehaviorNotFoundError, RepertoireClient, RepertoireInfo
 from pga_me_ros.core.evaluation import as_evaluated, evaluation_rng
 from pga_me_ros.core.settings import Settings
+from pga_me_ros.core.storage.shipped import ZOO, shipped
 from pga_me_ros.ros.environment import prepare_environment
 from pga_me_ros.ros.process import report
 from pga_me_ros.tasks.protocol import Task
@@ -25,6 +28,9 @@ from pga_me_ros.tasks.rollout import Episode, rollout
 
 OTHER_STARTS = 5
 """Episodes from initial poses that the run has not seen."""
+
+SELDOM = 0.05
+"""Share of falls up to which a behavior counts as one that keeps its promise."""
 
 
 def show(behavior: Behavior, info: RepertoireInfo, task: Task) -> bool:
@@ -64,8 +70,12 @@ def show(behavior: Behavior, info: RepertoireInfo, task: Task) -> bool:
     return equal
 
 
-def ask_and_run(client: RepertoireClient) -> int:
-    """Request two behaviors, run both and print the results.
+def ask_and_run(client: RepertoireClient, node: Node) -> int:
+    """Request behaviors, run them and print the results; the last one keeps its promise.
+
+    Args:
+        client: Client of the repertoire that was grown.
+        node: Node to ask another repertoire through.
 
     Returns:
         Exit code: 1 if a behavior did not achieve what was promised.
@@ -85,9 +95,79 @@ def ask_and_run(client: RepertoireClient) -> int:
             f"the one nearest to descriptor {np.round(wanted, 2).tolist()}, {behavior.distance:.3f} away:"
         )
         equal &= show(behavior, info, task)
+        name = show_a_steady_one(client, node, info, task)
     finally:
         task.close()
+    _print_next(name, wanted)
     return 0 if equal else 1
+
+
+def show_a_steady_one(
+    client: RepertoireClient, node: Node, info: RepertoireInfo, task: Task
+) -> str:
+    """Run a behavior that seldom falls: one of the run's own, else one of the repertoire that comes with the package.
+
+    Returns:
+        Name of the shipped repertoire that has it, empty if the run's own has one or there is none.
+    """
+    own = _steady(client)
+    if own:
+        print(f"the fittest that falls in at most {SELDOM:.0%} of its re-evaluations:")
+        _show_promise(own, info, task)
+        return ""
+    print(
+        f"none of them falls in at most {SELDOM:.0%} of its re-evaluations: such gaits take longer to grow "
+        "(docs/results.md says how long)."
+    )
+    name = f"{ZOO}/{info.task}"
+    if info.task not in shipped():
+        return ""
+    ready = RepertoireClient(node, repertoire=name)
+    try:
+        steady, ready_info = _steady(ready), ready.get_info()
+        if steady:
+            print(
+                f"this one comes with the package: {name}, {ready_info.evaluations:,} evaluations:"
+            )
+            _show_promise(steady, ready_info, task)
+    finally:
+        ready.close()
+    return name
+
+
+def _steady(client: RepertoireClient) -> Behavior | None:
+    with suppress(BehaviorNotFoundError):
+        return client.get_behavior(best=True, max_fall_share=SELDOM)
+    return None
+
+
+def _show_promise(behavior: Behavior, info: RepertoireInfo, task: Task) -> None:
+    """Run a behavior from starts never seen and print what it achieved next to its mean."""
+    seed = Settings.from_stored(info.settings).seed + 1
+    others = [
+        rollout(task, behavior.controller, evaluation_rng(seed, k)) for k in range(OTHER_STARTS)
+    ]
+    fitness, descriptor = _median(others)
+    falls = sum(episode.terminated for episode in others)
+    seconds = float(np.median([e.length for e in others])) * behavior.controller.control_period
+    print(
+        _row("promised", behavior.promised_fitness, behavior.promised_descriptor)
+        + f"   mean of {behavior.repeats}"
+    )
+    print(
+        _row(f"achieved, {OTHER_STARTS} other starts", fitness, descriptor)
+        + f"   median; {falls} fell, {seconds:.1f} s each"
+    )
+
+
+def _print_next(name: str, wanted: list[float]) -> None:
+    target = name or "RUN"
+    words = " ".join(f"{number:.2f}" for number in wanted)
+    print("to go on:")
+    if name:
+        print(f"  ros2 run pga_me_ros archive_manager --ros-args -p repertoire:={name}")
+    print(f"  ros2 run pga_me_ros query --descriptor {words}")
+    print(f"  ros2 run pga_me_ros render {target} --best --seed 1 --out gait.gif")
 
 
 def _first_foot_spared(info: RepertoireInfo) -> list[float]:
@@ -114,7 +194,7 @@ def main() -> int:
         prepare_environment()
         rclpy.init()
         node = rclpy.create_node("demo_robot", cli_args=["--ros-args", "-r", "__node:=demo_robot"])
-        return ask_and_run(RepertoireClient(node))
+        return ask_and_run(RepertoireClient(node), node)
     except (KeyboardInterrupt, ExternalShutdownException):
         return 130
     except Exception as error:
