@@ -13,11 +13,12 @@ from pga_me_msgs.srv import GetBehavior, GetBehaviors, GetInfo
 from pga_me_ros.arrays import Float64Array
 from pga_me_ros.client.controller import Controller, read_only
 from pga_me_ros.core.networks.mlp import MlpShape
+from pga_me_ros.core.storage.known_behavior import KnownBehavior
 from pga_me_ros.errors import NetworkError
 
 
 @dataclass(frozen=True, eq=False)
-class ListedBehavior:
+class ListedBehavior(KnownBehavior):
     """What the repertoire knows of a behavior.
 
     Attributes:
@@ -55,16 +56,6 @@ class ListedBehavior:
     descriptor_spread: Float64Array
     fall_share: float
     by_mean: bool
-
-    @property
-    def promised_fitness(self) -> float:
-        """The fitness that it was chosen by: the mean of its re-evaluations, or that of its one evaluation."""
-        return self.mean_fitness if self.by_mean else self.fitness
-
-    @property
-    def promised_descriptor(self) -> Float64Array:
-        """(d,) float64 the descriptor that it was chosen by, as `promised_fitness`."""
-        return self.mean_descriptor if self.by_mean else self.descriptor
 
     @classmethod
     def from_msg(cls, msg: BehaviorMsg) -> ListedBehavior:

@@ -3,14 +3,22 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from pga_me_ros.core.archive.choosing import Demands, Judging
 from pga_me_ros.core.archive.elites import Elite
+from pga_me_ros.core.storage.known_behavior import KnownBehavior
 from pga_me_ros.core.storage.npz import LAYOUT
 from pga_me_ros.core.storage.stored_run import StoredRun
+
+OF_ROBOT = (
+    *("observation_names", "observation_units", "action_names", "action_units"),
+    *("action_low", "action_high", "control_period"),
+)
+"""What a controller's user must know of the robot; attributes of a task's spec, and of a served controller."""
 
 
 @dataclass(frozen=True)
@@ -68,40 +76,49 @@ class Source:
 
     def about(self, elite: Elite) -> dict[str, str]:
         """Return what a controller's user must know, as text by name; lists and numbers are JSON."""
-        statistics = self.run.statistics
-        repeats = int(statistics.repeats[elite.cell])
-        means = {
-            "mean_fitness": float(statistics.mean_fitness[elite.cell]),
-            "mean_descriptor": statistics.mean_descriptor[elite.cell].tolist(),
-            "fall_share": float(statistics.fall_share[elite.cell]),
-        }
-        if repeats > 1:
-            means["fitness_spread"] = float(statistics.fitness_spread[elite.cell])
-            means["descriptor_spread"] = statistics.descriptor_spread[elite.cell].tolist()
-        own = {
-            "cell": elite.cell,
-            "evaluation": elite.evaluation,
-            "fitness": elite.fitness,
-            "descriptor": elite.descriptor.tolist(),
-            "layer_sizes": self.run.shape.sizes,
-            "repeats": repeats,
-            **(means if repeats else {}),
-        }
-        return about_robot(self.run) | {name: json.dumps(value) for name, value in own.items()}
+        behavior = self.run.behavior(elite.cell)
+        return about_robot(self.run) | about_behavior(behavior, self.run.shape.sizes)
 
 
 def about_robot(run: StoredRun) -> dict[str, str]:
     """Return what the user of any controller of a run must know, as text by name; lists and numbers are JSON."""
     spec = run.spec
-    known = {
-        "descriptor_names": spec.descriptor_names,
-        "observation_names": spec.observation_names,
-        "observation_units": spec.observation_units,
-        "action_names": spec.action_names,
-        "action_units": spec.action_units,
-        "action_low": spec.action_low,
-        "action_high": spec.action_high,
-        "control_period": spec.control_period,
+    known = {name: getattr(spec, name) for name in OF_ROBOT}
+    return described(
+        spec.name, run.info.run_id, {"descriptor_names": spec.descriptor_names, **known}
+    )
+
+
+def described(task: str, run_id: str, known: Mapping[str, Any]) -> dict[str, str]:
+    """Return the description of a robot as text by name.
+
+    Args:
+        task: Name of its task.
+        run_id: Id of the run.
+        known: The names of the descriptor, and `OF_ROBOT`, fit for JSON.
+    """
+    return {"task": task, "run_id": run_id, "layout": LAYOUT} | _as_json(known)
+
+
+def about_behavior(behavior: KnownBehavior, layer_sizes: Sequence[int]) -> dict[str, str]:
+    """Return what is known of a behavior, stored or served, as text by name; lists and numbers are JSON."""
+    known: dict[str, Any] = {
+        "cell": behavior.cell,
+        "evaluation": behavior.evaluation,
+        "fitness": behavior.fitness,
+        "descriptor": behavior.descriptor.tolist(),
+        "layer_sizes": layer_sizes,
+        "repeats": behavior.repeats,
     }
-    text = {name: json.dumps(value) for name, value in known.items()}
-    return {"task": spec.name, "run_id": run.info.run_id, "layout": LAYOUT} | text
+    if behavior.repeats:
+        known["mean_fitness"] = behavior.mean_fitness
+        known["mean_descriptor"] = behavior.mean_descriptor.tolist()
+        known["fall_share"] = behavior.fall_share
+    if behavior.repeats > 1:
+        known["fitness_spread"] = behavior.fitness_spread
+        known["descriptor_spread"] = behavior.descriptor_spread.tolist()
+    return _as_json(known)
+
+
+def _as_json(known: Mapping[str, Any]) -> dict[str, str]:
+    return {name: json.dumps(value) for name, value in known.items()}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Sequence
 from pathlib import Path
@@ -59,32 +58,20 @@ def save(behavior: Behavior, info: RepertoireInfo, path: Path) -> None:
 
 def _about(behavior: Behavior, info: RepertoireInfo) -> dict[str, str]:
     """Return what a controller's user must know, as text by name; lists and numbers are JSON."""
+    from pga_me_ros.export.source import OF_ROBOT, about_behavior, described
+
     controller = behavior.controller
-    known: dict[str, Any] = {
-        "cell": behavior.cell,
-        "evaluation": behavior.evaluation,
-        "fitness": behavior.fitness,
-        "descriptor": behavior.descriptor.tolist(),
-        "descriptor_names": info.descriptor_names,
-        "observation_names": controller.observation_names,
+    own = {
         "observation_units": _units(controller.observation_units),
-        "action_names": controller.action_names,
         "action_units": _units(controller.action_units),
         "action_low": controller.action_low.tolist(),
         "action_high": controller.action_high.tolist(),
-        "control_period": controller.control_period,
-        "layer_sizes": controller.layer_sizes,
-        "repeats": behavior.repeats,
     }
-    if behavior.repeats:
-        known["mean_fitness"] = behavior.mean_fitness
-        known["mean_descriptor"] = behavior.mean_descriptor.tolist()
-        known["fall_share"] = behavior.fall_share
-    if behavior.repeats > 1:
-        known["fitness_spread"] = behavior.fitness_spread
-        known["descriptor_spread"] = behavior.descriptor_spread.tolist()
-    text = {name: json.dumps(value) for name, value in known.items()}
-    return {"task": controller.task, "run_id": info.run_id, "layout": LAYOUT} | text
+    robot = {name: own.get(name, getattr(controller, name)) for name in OF_ROBOT}
+    known = {"descriptor_names": info.descriptor_names, **robot}
+    return described(controller.task, info.run_id, known) | about_behavior(
+        behavior, controller.layer_sizes
+    )
 
 
 def _units(units: Sequence[str]) -> list[str]:

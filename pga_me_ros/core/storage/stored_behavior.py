@@ -10,10 +10,11 @@ from pga_me_ros.core.archive.choosing import Choices
 from pga_me_ros.core.archive.elites import NO_PARENT
 from pga_me_ros.core.networks.controller import MlpController
 from pga_me_ros.core.networks.mlp import MlpShape
+from pga_me_ros.core.storage.known_behavior import KnownBehavior
 
 
 @dataclass(frozen=True, eq=False)
-class StoredBehavior:
+class StoredBehavior(KnownBehavior):
     """An elite of a stored run.
 
     Attributes:
@@ -95,13 +96,3 @@ class StoredBehavior:
             parameters=elite.parameters,
             controller=MlpController(shape, elite.parameters),
         )
-
-    @property
-    def promised_fitness(self) -> float:
-        """The fitness that it was chosen by: the mean of its re-evaluations, or that of its one evaluation."""
-        return self.mean_fitness if self.by_mean else self.fitness
-
-    @property
-    def promised_descriptor(self) -> Float64Array:
-        """(d,) float64 the descriptor that it was chosen by, as `promised_fitness`."""
-        return self.mean_descriptor if self.by_mean else self.descriptor
