@@ -10,7 +10,7 @@ from pathlib import Path
 
 from rclpy.node import Node
 
-from pga_me_ros.core.storage.shipped import is_shipped_name, shipped_folder
+from pga_me_ros.core.storage.shipped import located
 from pga_me_ros.errors import PgaError, StorageError
 from pga_me_ros.process.child import ChildProcess, python_module
 
@@ -35,8 +35,7 @@ class OwnServer:
     """
 
     def __init__(self, node: Node, repertoire: str | Path) -> None:
-        path = Path(repertoire)
-        path = shipped_folder(path) if is_shipped_name(path) else path
+        path = located(Path(repertoire))
         if not path.exists():
             raise StorageError(
                 f"There is no repertoire '{repertoire}'; give zoo/NAME, the folder of a run, or a repertoire file."

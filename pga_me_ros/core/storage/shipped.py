@@ -18,7 +18,8 @@ FOLDER = "repertoires"
 VARIABLE = "PGA_ME_ROS_REPERTOIRES"
 """Environment variable with further such folders, joined as in PATH; they are looked in first."""
 
-FILE = "repertoire.db"
+REPERTOIRE = "repertoire.db"
+"""Name of the repertoire file in the folder of a run."""
 
 _PACKAGE = "pga_me_ros"
 
@@ -27,7 +28,7 @@ def shipped() -> dict[str, Path]:
     """Return the folders of all shipped repertoires by name, without ``zoo/``; of equal names the first counts."""
     found: dict[str, Path] = {}
     for place in _places():
-        for file in sorted(place.glob(f"*/{FILE}")):
+        for file in sorted(place.glob(f"*/{REPERTOIRE}")):
             found.setdefault(file.parent.name, file.parent)
     return found
 
@@ -35,6 +36,15 @@ def shipped() -> dict[str, Path]:
 def is_shipped_name(path: Path) -> bool:
     """Whether a path is the name of a shipped repertoire, known or not: nothing else is there under it."""
     return len(path.parts) == 2 and path.parts[0] == ZOO and not path.exists()
+
+
+def located(path: Path) -> Path:
+    """Return what a user means by a path: the folder of a shipped repertoire (``zoo/NAME``), or the path itself.
+
+    Raises:
+        StorageError: It is the name of a shipped repertoire, but there is none of that name.
+    """
+    return shipped_folder(path) if is_shipped_name(path) else path
 
 
 def shipped_folder(path: Path) -> Path:

@@ -26,15 +26,12 @@ from pga_me_ros.core.storage.reevaluations import Reevaluations
 from pga_me_ros.core.storage.repertoire import Repertoire
 from pga_me_ros.core.storage.rows import Generation
 from pga_me_ros.core.storage.run_info import RunInfo
-from pga_me_ros.core.storage.shipped import is_shipped_name, shipped_folder
+from pga_me_ros.core.storage.shipped import REPERTOIRE, located
 from pga_me_ros.core.storage.stored_behavior import StoredBehavior
 from pga_me_ros.errors import RequestError, SettingsError, StorageError
 from pga_me_ros.tasks.spec import TaskSpec
 
 __all__ = ["REPERTOIRE", "StoredBehavior", "StoredRun", "is_exported", "repertoire_file"]
-
-REPERTOIRE = "repertoire.db"
-"""Name of the repertoire file in the folder of a run."""
 
 ANY = Demands()
 """No demands: the best that is known of each elite counts."""
@@ -48,9 +45,7 @@ def repertoire_file(path: str | Path) -> Path:
     Raises:
         StorageError: It is the name of a shipped repertoire, but there is none of that name.
     """
-    path = Path(path)
-    if is_shipped_name(path):
-        path = shipped_folder(path)
+    path = located(Path(path))
     return path / REPERTOIRE if path.is_dir() else path
 
 
