@@ -205,11 +205,13 @@ class CellDepth:
     def _held(self, ids: list[int]) -> list[Elite]:
         """Return solutions that the archive holds, in the order of their evaluation ids `ids`."""
         found = {}
-        for cell in self.archive.filled_cells().tolist():
-            if int(self.archive.evaluations[cell]) in ids:
-                elite = self.archive.elite(cell)
-                found[elite.evaluation] = elite
-            found |= {s.evaluation: s for s in self.below.get(cell, ()) if s.evaluation in ids}
+        for cell in np.flatnonzero(
+            self.archive.filled & np.isin(self.archive.evaluations, ids)
+        ).tolist():
+            elite = self.archive.elite(cell)
+            found[elite.evaluation] = elite
+        for solutions in self.below.values():
+            found |= {s.evaluation: s for s in solutions}
         return [found[k] for k in ids]
 
     def _renewed(self, taken: list[Elite], samples: dict[int, Samples]) -> list[Elite]:

@@ -13,27 +13,15 @@ from pga_me_ros.core.archive.depth import CellDepth, DepthChange, Samples
 from pga_me_ros.core.storage.database import insert_rows
 from pga_me_ros.core.storage.rows import (
     DIGEST_SIZE,
+    KEPT_SOLUTION,
     DamagedRow,
     elite_to_row,
     row_to_elite,
     xor_digests,
 )
 
-DEEP_CELLS_SCHEMA = """
-CREATE TABLE IF NOT EXISTS below (
-    cell INTEGER NOT NULL,             -- these columns as in elites
-    fitness REAL NOT NULL,
-    evaluation INTEGER PRIMARY KEY,
-    generation INTEGER NOT NULL,
-    operator INTEGER NOT NULL,
-    parent1 INTEGER NOT NULL,
-    parent2 INTEGER NOT NULL,
-    steps INTEGER NOT NULL,
-    terminated INTEGER NOT NULL,
-    descriptor BLOB NOT NULL,
-    parameters BLOB NOT NULL,
-    digest BLOB NOT NULL
-);
+DEEP_CELLS_SCHEMA = f"""
+CREATE TABLE IF NOT EXISTS below ({KEPT_SOLUTION});
 CREATE TABLE IF NOT EXISTS samples (
     evaluation INTEGER PRIMARY KEY,    -- by which the archive knows the solution
     count INTEGER NOT NULL,            -- its evaluations

@@ -9,32 +9,20 @@ from pga_me_ros.core.archive.elites import Elite
 from pga_me_ros.core.archive.metrics import UNKNOWN, Metrics
 from pga_me_ros.core.storage.rows import (
     EXTREMES,
+    KEPT_SOLUTION,
     DamagedRow,
     extremes_digest_of,
     row_to_elite,
 )
 
-EXTREMES_SCHEMA = """
+EXTREMES_SCHEMA = f"""
 CREATE TABLE IF NOT EXISTS extremes (
     generation INTEGER PRIMARY KEY,
     min_fitness REAL NOT NULL,         -- of the worst elite after it
     best_evaluation INTEGER NOT NULL,  -- evaluation id of the best elite after it
     digest BLOB NOT NULL               -- SHA-256 of the row
 );
-CREATE TABLE IF NOT EXISTS bests (
-    cell INTEGER NOT NULL,             -- these columns as in elites
-    fitness REAL NOT NULL,
-    evaluation INTEGER PRIMARY KEY,
-    generation INTEGER NOT NULL,
-    operator INTEGER NOT NULL,
-    parent1 INTEGER NOT NULL,
-    parent2 INTEGER NOT NULL,
-    steps INTEGER NOT NULL,
-    terminated INTEGER NOT NULL,
-    descriptor BLOB NOT NULL,
-    parameters BLOB NOT NULL,
-    digest BLOB NOT NULL
-);
+CREATE TABLE IF NOT EXISTS bests ({KEPT_SOLUTION});
 """
 """`extremes` belongs to `generations`; `bests` keeps every elite that was ever the best one, even if another has taken
 its cell since. Older files gain these tables when opened for writing."""

@@ -23,6 +23,22 @@ from pga_me_ros.core.operators import Operator
 from pga_me_ros.core.storage.run_info import RunInfo
 from pga_me_ros.errors import StorageError
 
+KEPT_SOLUTION = """
+    cell INTEGER NOT NULL,             -- these columns as in elites
+    fitness REAL NOT NULL,
+    evaluation INTEGER PRIMARY KEY,
+    generation INTEGER NOT NULL,
+    operator INTEGER NOT NULL,
+    parent1 INTEGER NOT NULL,
+    parent2 INTEGER NOT NULL,
+    steps INTEGER NOT NULL,
+    terminated INTEGER NOT NULL,
+    descriptor BLOB NOT NULL,
+    parameters BLOB NOT NULL,
+    digest BLOB NOT NULL
+"""
+"""Columns of a table of solutions of which a cell may have several, or none."""
+
 SCHEMA = """
 CREATE TABLE run (
     id INTEGER PRIMARY KEY CHECK (id = 0), -- the one row
