@@ -10,7 +10,7 @@ import numpy as np
 
 from pga_me_ros.arrays import Float32Array, Float64Array
 from pga_me_ros.tasks.bullet.robots import CONTROL_PERIOD
-from pga_me_ros.tasks.bullet.world import World
+from pga_me_ros.tasks.bullet.world import FLOOR_FRICTION, World
 from pga_me_ros.tasks.randomization import read_ranges
 
 PUSH_EVERY = round(1.0 / CONTROL_PERIOD)
@@ -18,9 +18,6 @@ PUSH_EVERY = round(1.0 / CONTROL_PERIOD)
 
 PUSH_FOR = round(0.1 / CONTROL_PERIOD)
 """Control steps that a push lasts: a tenth of a second."""
-
-FLOOR_FRICTION = 0.8
-"""Friction of the floor that factors are of."""
 
 
 class Randomized:

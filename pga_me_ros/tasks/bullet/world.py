@@ -9,6 +9,9 @@ from pga_me_ros.tasks.bullet.robots import CONTROL_PERIOD, Robot
 
 TORSO = "torso"
 
+FLOOR_FRICTION = 0.8
+"""Lateral friction of the floor."""
+
 
 class World:
     """One physics client with the floor, the robot, and the state that every episode starts from.
@@ -111,7 +114,7 @@ class World:
         except self._pybullet.error as error:
             raise TaskError(f"PyBullet cannot load {path} ({error}); reinstall pybullet") from error
         self._pybullet.changeDynamics(
-            floor, -1, lateralFriction=0.8, restitution=0.5, physicsClientId=self.client
+            floor, -1, lateralFriction=FLOOR_FRICTION, restitution=0.5, physicsClientId=self.client
         )
         return int(floor)
 

@@ -56,7 +56,7 @@ class EpisodeDescriptor(Protocol):
         ...
 
     def begin(self, observation: Float64Array) -> None:
-        """Begin an episode."""
+        """Begin an episode. The arrays given here and to `step` may be kept: nobody changes them."""
         ...
 
     def step(self, observation: Float64Array, action: Float64Array) -> None:
@@ -78,7 +78,7 @@ class FeetContact:
             TaskError: The environment is none of those in `FEET`.
         """
         self._data: Any = getattr(env.unwrapped, "data", None)
-        feet = FEET.get(_robot(env))
+        feet = FEET.get(env.spec.name)  # without namespace and version
         if feet is None or self._data is None:
             raise TaskError(
                 f"no feet are known of the environment '{env.spec.id}'; descriptor=feet is for {', '.join(FEET)}. "
@@ -155,13 +155,13 @@ class OfEpisode:
 
     def begin(self, observation: Float64Array) -> None:
         """Begin an episode."""
-        self._observations: list[Float64Array] = [observation.copy()]
+        self._observations: list[Float64Array] = [observation]
         self._actions: list[Float64Array] = []
 
     def step(self, observation: Float64Array, action: Float64Array) -> None:
         """Keep a step."""
-        self._observations.append(observation.copy())
-        self._actions.append(action.copy())
+        self._observations.append(observation)
+        self._actions.append(action)
 
     def value(self) -> Any:
         """Return what the function gives."""
@@ -245,8 +245,3 @@ def checked_value(name: str, value: Any, dimension: int) -> Float64Array:
             f"descriptor '{name}' gave {value!r}; expected {dimension} finite numbers, as 'low' and 'high' have"
         )
     return out
-
-
-def _robot(env: Any) -> str:
-    """Return the name of an environment without namespace and version."""
-    return str(env.spec.name)
