@@ -44,12 +44,10 @@ def show(behavior: Behavior, info: RepertoireInfo, task: Task) -> bool:
     Returns:
         Whether the evaluation repeated with its seed gave the promised fitness and descriptor, bit for bit.
     """
-    settings = Settings.from_stored(info.settings)
-    seed, k = settings.seed, behavior.evaluation
-    again = rollout(task, as_evaluated(settings, behavior.controller, k), evaluation_rng(seed, k))
-    others = [
-        rollout(task, behavior.controller, evaluation_rng(seed + 1, k)) for k in range(OTHER_STARTS)
-    ]
+    settings, k = Settings.from_stored(info.settings), behavior.evaluation
+    again = rollout(
+        task, as_evaluated(settings, behavior.controller, k), evaluation_rng(settings.seed, k)
+    )
     equal = again.fitness == behavior.fitness and np.array_equal(
         again.descriptor, behavior.descriptor
     )
@@ -65,8 +63,7 @@ def show(behavior: Behavior, info: RepertoireInfo, task: Task) -> bool:
             behavior.mean_descriptor,
         )
         print(f"{average}   {100.0 * behavior.fall_share:.0f} % fall")
-    fitness, descriptor = _median(others)
-    print(_row(f"achieved, {OTHER_STARTS} other starts", fitness, descriptor) + "   median")
+    print(_other_starts(behavior, info, task)[0])
     return equal
 
 
@@ -143,44 +140,44 @@ def _steady(client: RepertoireClient) -> Behavior | None:
 
 def _show_promise(behavior: Behavior, info: RepertoireInfo, task: Task) -> None:
     """Run a behavior from starts never seen and print what it achieved next to its mean."""
-    seed = Settings.from_stored(info.settings).seed + 1
-    others = [
-        rollout(task, behavior.controller, evaluation_rng(seed, k)) for k in range(OTHER_STARTS)
-    ]
-    fitness, descriptor = _median(others)
+    words, others = _other_starts(behavior, info, task)
     falls = sum(episode.terminated for episode in others)
     seconds = float(np.median([e.length for e in others])) * behavior.controller.control_period
     print(
         _row("promised", behavior.promised_fitness, behavior.promised_descriptor)
         + f"   mean of {behavior.repeats}"
     )
-    print(
-        _row(f"achieved, {OTHER_STARTS} other starts", fitness, descriptor)
-        + f"   median; {falls} fell, {seconds:.1f} s each"
-    )
+    print(f"{words}; {falls} fell, {seconds:.1f} s each")
 
 
 def _print_next(name: str, wanted: list[float]) -> None:
-    target = name or "RUN"
+    target = name or "RUN_DIR"
     words = " ".join(f"{number:.2f}" for number in wanted)
     print("to go on:")
-    if name:
-        print(f"  ros2 run pga_me_ros archive_manager --ros-args -p repertoire:={name}")
+    print(f"  ros2 run pga_me_ros archive_manager --ros-args -p repertoire:={target}")
     print(f"  ros2 run pga_me_ros query --descriptor {words}")
     print(f"  ros2 run pga_me_ros render {target} --best --seed 1 --out gait.gif")
+
+
+def _other_starts(
+    behavior: Behavior, info: RepertoireInfo, task: Task
+) -> tuple[str, list[Episode]]:
+    """Run a behavior from starts that its run has not seen; return the median as a row, and the episodes."""
+    seed = Settings.from_stored(info.settings).seed + 1
+    episodes = [
+        rollout(task, behavior.controller, evaluation_rng(seed, k)) for k in range(OTHER_STARTS)
+    ]
+    fitness = float(np.median([e.fitness for e in episodes]))
+    descriptor = np.median([e.descriptor for e in episodes], axis=0)
+    return _row(
+        f"achieved, {OTHER_STARTS} other starts", fitness, descriptor
+    ) + "   median", episodes
 
 
 def _first_foot_spared(info: RepertoireInfo) -> list[float]:
     share = np.full(len(info.descriptor_low), 0.6)
     share[0] = 0.2
     return (info.descriptor_low + share * (info.descriptor_high - info.descriptor_low)).tolist()
-
-
-def _median(episodes: list[Episode]) -> tuple[float, np.ndarray]:
-    return (
-        float(np.median([e.fitness for e in episodes])),
-        np.median([e.descriptor for e in episodes], axis=0),
-    )
 
 
 def _row(what: str, fitness: float, descriptor: np.ndarray) -> str:
