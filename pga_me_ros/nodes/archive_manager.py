@@ -29,7 +29,7 @@ from pga_me_ros.ros.convert import finite, flat, metrics_to_msg, shaped, with_ra
 from pga_me_ros.ros.elites_topic import elites_to_msg
 from pga_me_ros.ros.evaluations import evaluated_from_msg
 from pga_me_ros.ros.graph_node import GraphNode
-from pga_me_ros.ros.namesakes import leave_to_elders
+from pga_me_ros.ros.namesakes import ELDER, leave_to_elders
 from pga_me_ros.ros.options import RunOptions
 from pga_me_ros.ros.parameters import declare
 from pga_me_ros.ros.process import run_node
@@ -95,15 +95,15 @@ class ArchiveManager(GraphNode):
         else:  # a run's own is never disturbed
             leave_to_elders(self, lambda msg: msg.kind == "archive_manager", OTHER_NAME)
         self._show()
-        if not self._grow:
-            self.get_logger().info(self._readers.in_words(str(path)))
-        from rclpy.clock import (
-            Clock,
-            ClockType,
-        )  # not before pga_me_ros.ros has looked at RMW_IMPLEMENTATION
+        # rclpy must not be imported before pga_me_ros.ros has looked at RMW_IMPLEMENTATION.
+        from rclpy.clock import Clock, ClockType
 
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(LOOK_PERIOD, self.unless_ended(self._look), clock=steady)
+        if not self._grow:  # it says what it serves once no elder has the name
+            words = self._readers.in_words(str(path))
+            greet = self.unless_ended(lambda: self._greet(words))
+            self._greeting = self.create_timer(ELDER, greet, clock=steady)
         self.start_heartbeat(run_id=self._info.run_id, task=self._info.task["name"])
 
     @property
@@ -261,6 +261,11 @@ class ArchiveManager(GraphNode):
         self._elites_topic.publish(
             elites_to_msg(self._archive, self._info.run_id, self._last_generation, cells)
         )
+
+    def _greet(self, words: str) -> None:
+        """Say once what is served."""
+        self._greeting.cancel()
+        self.get_logger().info(words)
 
     def _look(self) -> None:
         """Tell whoever watches when the elites were evaluated again."""

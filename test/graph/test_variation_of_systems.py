@@ -171,7 +171,7 @@ def test_dcrl_map_elites_says_what_its_offspring_are_meant_to_achieve(variation:
     again = variation.propose(Propose.Request.PG)  # as when the answer was lost
     assert list(again.intended_descriptors) == DESCRIPTOR
     refused = variation.propose(Propose.Request.DIVERSITY)
-    assert "Operator 7 is unknown; expected one of 0, 1, 2, 8" in refused.message
+    assert "Operator 7 is unknown; expected one of 0, 1, 2, 9" in refused.message
 
 
 @pytest.mark.parametrize("variation", [PGA], indirect=True)

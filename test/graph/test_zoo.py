@@ -55,7 +55,7 @@ def test_it_is_served_by_its_name_without_training_torch_or_simulator(
     assert (behavior.repeats, behavior.by_mean, behavior.fall_share) == (4, True, 0.25)
     assert behavior.promised_fitness == pytest.approx(behavior.fitness + 1.5)
     assert behavior.controller(np.zeros(22)).shape == (6,)
-    assert f"serves '{zoo}/tiny_walker/repertoire.db'" in manager.output
+    manager.wait_for_output(f"serves '{zoo}/tiny_walker/repertoire.db'")
     assert "re-evaluated 4 times or more, 25.0 % falls" in manager.output
     loaded = libraries(manager.process.pid)
     assert "numpy" in loaded

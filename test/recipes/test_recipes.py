@@ -34,7 +34,7 @@ print(metrics.offspring, type(search.archive).__name__)
 
 def add_operator(copy: ChangedCopy) -> None:
     copy.insert(
-        "pga_me_ros/core/operators.py", "    LEAP = 99\n", after="    ACTOR_INJECTION = 8\n"
+        "pga_me_ros/core/operators.py", "    LEAP = 99\n", after="    ACTOR_INJECTION = 9\n"
     )
     copy.insert(
         "pga_me_ros/core/operators.py",
@@ -105,7 +105,7 @@ def test_a_new_algorithm(copy: ChangedCopy) -> None:
     )
     assert named(copy, "leaping") - operators == files_of_recipe("An algorithm")
     printed = copy.run(SEARCH, "{'algorithm': 'leaping', 'leap': 0.25}")
-    assert printed == "(0, 0, 0, 0, 0, 0, 0, 0, 0, 10) CvtArchive\n"
+    assert printed == "(0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 10) CvtArchive\n"
 
 
 def test_a_new_kind_of_archive(copy: ChangedCopy) -> None:
