@@ -14,8 +14,11 @@ FIELD_OF_VIEW = 30.0
 FLAT = 0.35
 """A robot is flat when it is wider than this share of its height or length."""
 
-MARGIN = 1.25
-"""Height of what is seen over that of the robot."""
+MARGIN = 1.75
+"""Height of what is seen over that of the robot at the start: room for a robot that hops, and for words above it."""
+
+CENTER = 0.6
+"""Height of the middle of the picture over that of the robot at the start."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +50,7 @@ class Camera:
         flat = width < FLAT * max(length, height)
         size = max(height, 0.75 * (length if flat else math.hypot(length, width)))
         distance = MARGIN * size / (2.0 * math.tan(math.radians(FIELD_OF_VIEW / 2.0)))
-        return cls(distance, 0.5 * high[2], *((8.0, 0.0) if flat else (25.0, 25.0)))
+        return cls(distance, CENTER * high[2], *((8.0, 0.0) if flat else (25.0, 25.0)))
 
     def target(self, state: RobotState) -> Vector:
         """Return the point that it looks at: it follows the robot along the ground, not up and down."""

@@ -20,6 +20,7 @@ from pga_me_ros.player.watched_rollout import Recording
 from pga_me_ros.process.program import run_program
 from pga_me_ros.render.behavior_gif import (
     GifOptions,
+    draw_gallery,
     draw_gif,
     evaluated_again,
     require_pillow,
@@ -28,7 +29,11 @@ from pga_me_ros.tasks.protocol import Task
 from pga_me_ros.tasks.registry import make_task
 from pga_me_ros.tasks.rollout import Episode
 
-COLUMNS = 8
+MOMENTS = 8
+"""Default number of moments per gait of a sheet."""
+
+SIDE_BY_SIDE = 3
+"""Default number of gaits in a row of a gallery."""
 
 
 def main(args: Sequence[str] | None = None) -> int:
@@ -67,6 +72,8 @@ def render(asked: argparse.Namespace) -> Path:
     try:
         if asked.sheet:
             _draw_sheet(asked, run, task, out)
+        elif asked.gallery:
+            _draw_gallery(asked, run, task, out)
         else:
             _draw_animation(asked, run, task, out)
     finally:
@@ -83,14 +90,26 @@ def _draw_animation(asked: argparse.Namespace, run: StoredRun, task: Task, out: 
         max_fall_share=asked.max_fall_share,
         single=asked.single,
     )
-    size = tuple(asked.size)
-    options = GifOptions(asked.start, asked.seconds, asked.speed, asked.fps, size, asked.seed)
-    episode = draw_gif(task, run.settings, gait, out, options)
+    episode = draw_gif(task, run.settings, gait, out, _options(asked))
     _tell(gait, episode, asked.seed)
 
 
-def _draw_sheet(asked: argparse.Namespace, run: StoredRun, task: Task, out: Path) -> None:
-    from pga_me_ros.render.contact_sheet import Row, contact_sheet, spread_cells
+def _draw_gallery(asked: argparse.Namespace, run: StoredRun, task: Task, out: Path) -> None:
+    gaits = _spread(asked, run, asked.gallery)
+    columns = asked.columns or SIDE_BY_SIDE
+    episodes = draw_gallery(task, run.settings, gaits, out, _options(asked), columns)
+    for gait, episode in zip(gaits, episodes, strict=True):
+        _tell(gait, episode, asked.seed)
+
+
+def _options(asked: argparse.Namespace) -> GifOptions:
+    size = tuple(asked.size)
+    return GifOptions(asked.start, asked.seconds, asked.speed, asked.fps, size, asked.seed)
+
+
+def _spread(asked: argparse.Namespace, run: StoredRun, count: int) -> list[StoredBehavior]:
+    """Choose gaits that lie far apart in the descriptor space, of those that meet the demands."""
+    from pga_me_ros.core.archive.spread import spread_cells
 
     demands = Demands(
         Judging.of(single=asked.single),
@@ -98,12 +117,20 @@ def _draw_sheet(asked: argparse.Namespace, run: StoredRun, task: Task, out: Path
         math.inf if asked.max_fall_share is None else asked.max_fall_share,
     )
     choices = run.choices(demands)
-    cells = spread_cells(choices.elites, choices.cells(), asked.sheet)
-    gaits = [StoredBehavior.chosen(choices, cell, run.shape) for cell in cells]
+    cells = spread_cells(choices.elites, choices.cells(), count)
+    return [StoredBehavior.chosen(choices, cell, run.shape) for cell in cells]
+
+
+def _draw_sheet(asked: argparse.Namespace, run: StoredRun, task: Task, out: Path) -> None:
+    from pga_me_ros.render.contact_sheet import Row, contact_sheet
+
+    gaits = _spread(asked, run, asked.sheet)
     rows = [Row(gait, _recorded(run, task, gait, asked.seed)) for gait in gaits]
     names = ", ".join(run.spec.descriptor_names)
     title = f"{run.spec.name}: {len(rows)} of {len(run.archive)} gaits, described by [{names}]"
-    contact_sheet(title, rows, asked.columns, task.spec.control_period).save(out, optimize=True)
+    contact_sheet(title, rows, asked.columns or MOMENTS, task.spec.control_period).save(
+        out, optimize=True
+    )
 
 
 def _recorded(run: StoredRun, task: Task, gait: Gait, seed: int | None) -> Recording:
@@ -127,6 +154,12 @@ def _parser() -> argparse.ArgumentParser:
     which.add_argument("--random", action="store_true", help="draw any gait")
     which.add_argument(
         "--sheet", type=_at_least_one, metavar="N", help="draw N gaits that differ, in one PNG"
+    )
+    which.add_argument(
+        "--gallery",
+        type=_at_least_one,
+        metavar="N",
+        help="draw N gaits that differ, side by side in one GIF",
     )
     parser.add_argument("--min-fitness", type=float, help="only gaits of this fitness or more")
     parser.add_argument(
@@ -155,7 +188,9 @@ def _parser() -> argparse.ArgumentParser:
         "--size", type=_at_least_one, nargs=2, default=(360, 270), help="pixels (GIF)"
     )
     parser.add_argument(
-        "--columns", type=_at_least_one, default=COLUMNS, help="moments per gait (sheet)"
+        "--columns",
+        type=_at_least_one,
+        help=f"moments per gait of a sheet ({MOMENTS}), gaits per row of a gallery ({SIDE_BY_SIDE})",
     )
     return parser
 

@@ -1,8 +1,9 @@
-"""A gait as an animated GIF."""
+"""Gaits as an animated GIF."""
 
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from pathlib import Path
 
 from PIL import Image
@@ -11,11 +12,14 @@ from pga_me_ros.errors import StorageError
 from pga_me_ros.player.camera import Camera
 from pga_me_ros.player.gait import Gait
 from pga_me_ros.player.watched_rollout import Recording
-from pga_me_ros.render.labels import described, labelled
+from pga_me_ros.render.labels import LEFT, LETTERS, PAPER, described, labelled, wrapped
 from pga_me_ros.render.scene import Scene
 
 COLORS = 64
 """Number of colors of a GIF: few colors make small files, and flat shades need no more."""
+
+GAP = 2
+"""Space between two animations side by side, pixels."""
 
 TICK = 0.01
 """Unit of a GIF's times, s."""
@@ -35,15 +39,36 @@ def animation(
     camera = Camera.for_robot(recording.model, recording.states[0])
     scene = Scene(recording.model, *size)
     start = recording.states[0].base.position[0]
-    title = ", ".join(described(gait))
+    title = wrapped(described(gait), size[0] - 2 * LEFT, LETTERS)
     frames = []
     try:
         for step, state in zip(recording.steps, recording.states, strict=True):
             x = state.base.position[0] - start
-            lines = [title, f"{step * period:.2f} s   {x:+.2f} m"]
+            lines = [*title, f"{step * period:.2f} s   {x:+.2f} m"]
             frames.append(labelled(scene.picture(state, camera), lines))
     finally:
         scene.close()
+    return frames
+
+
+def side_by_side(films: Sequence[list[Image.Image]], columns: int) -> list[Image.Image]:
+    """Put animations into one, in rows; one that is over keeps its last picture.
+
+    Args:
+        films: Frames of each animation, all of the same size.
+        columns: Animations per row.
+    """
+    width, height = films[0][0].size
+    columns = min(columns, len(films))
+    rows = -(-len(films) // columns)
+    whole = (columns * (width + GAP) - GAP, rows * (height + GAP) - GAP)
+    frames = []
+    for k in range(max(len(film) for film in films)):
+        frame = Image.new("RGB", whole, PAPER)
+        for i, film in enumerate(films):
+            place = (i % columns * (width + GAP), i // columns * (height + GAP))
+            frame.paste(film[min(k, len(film) - 1)], place)
+        frames.append(frame)
     return frames
 
 

@@ -1,7 +1,8 @@
-"""A behavior's evaluation, repeated and drawn as an animated GIF."""
+"""Evaluations of behaviors, repeated and drawn as an animated GIF."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
@@ -92,6 +93,57 @@ def draw_gif(task: Task, settings: Settings, gait: Gait, out: Path, options: Gif
     from pga_me_ros.render.animation import animation, save_gif
 
     period = task.spec.control_period
+    whole, recording, times = _shown(task, settings, gait, options)
+    save_gif(out, animation(recording, gait, period, options.size), times)
+    return whole.episode
+
+
+def draw_gallery(
+    task: Task,
+    settings: Settings,
+    gaits: Sequence[Gait],
+    out: Path,
+    options: GifOptions,
+    columns: int,
+) -> list[Episode]:
+    """Draw several behaviors side by side, in step, as one animated GIF; one that has ended keeps its last picture.
+
+    Args:
+        task: The task of their run.
+        settings: Settings of their run.
+        gaits: The behaviors.
+        out: File to write.
+        options: What to show of each, and how.
+        columns: Behaviors per row.
+
+    Returns:
+        Their episodes.
+
+    Raises:
+        PgaError: Pillow is not installed.
+        RequestError: An episode ends before `options.start`.
+        StorageError: The file cannot be written.
+        TaskError: The task has no `body`, or its robot cannot be shown.
+    """
+    require_pillow()
+    from pga_me_ros.render.animation import animation, save_gif, side_by_side
+
+    period = task.spec.control_period
+    episodes, films, longest = [], [], []
+    for gait in gaits:
+        whole, recording, times = _shown(task, settings, gait, options)
+        episodes.append(whole.episode)
+        films.append(animation(recording, gait, period, options.size))
+        longest = max(longest, times, key=len)
+    save_gif(out, side_by_side(films, columns), longest)
+    return episodes
+
+
+def _shown(
+    task: Task, settings: Settings, gait: Gait, options: GifOptions
+) -> tuple[Recording, Recording, list[float]]:
+    """Return a whole episode, the part to show, and the times of its pictures, s."""
+    period = task.spec.control_period
     every = max(1, round(1.0 / (options.fps * period)))
     whole = evaluated_again(task, settings, gait, every, options.seed)
     times = [step * period for step in whole.steps]
@@ -101,6 +153,4 @@ def draw_gif(task: Task, settings: Settings, gait: Gait, out: Path, options: Gif
         raise RequestError(f"The episode ends after {times[-1]:.2f} s; give a smaller start.")
     part = slice(shown[0], shown[-1] + 1)
     recording = Recording(whole.model, whole.states[part], whole.steps[part], whole.episode)
-    frames = animation(recording, gait, period, options.size)
-    save_gif(out, frames, [time / options.speed for time in times[part]])
-    return whole.episode
+    return whole, recording, [time / options.speed for time in times[part]]

@@ -8,14 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from PIL import Image
 
-from pga_me_ros.core.archive.spread import spread_cells
 from pga_me_ros.player.camera import Camera
 from pga_me_ros.player.gait import Gait
 from pga_me_ros.player.watched_rollout import Recording
-from pga_me_ros.render.labels import PAPER, described, write
+from pga_me_ros.render.labels import LETTERS, PAPER, described, write
 from pga_me_ros.render.scene import Scene
-
-__all__ = ["Row", "contact_sheet", "spread_cells"]
 
 LABEL = 150
 """Width of the column of text, pixels."""
@@ -25,8 +22,6 @@ HEAD = 34
 
 GAP = 3
 """Space between two pictures, pixels."""
-
-LETTERS = 13
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,12 @@ from pga_me_ros.render.scene import Picture
 
 INK = (40, 44, 52)
 PAPER = (255, 255, 255)
+LETTERS = 13
+"""Font size, pixels."""
+
+LEFT = 6
+"""Space between the left edge of a picture and its words, pixels."""
+
 LINE = 1.35
 """Distance between lines of text, relative to the font size."""
 
@@ -37,7 +43,25 @@ def write(image: Image.Image, place: tuple[float, float], lines: list[str], size
         draw.text((place[0], place[1] + k * LINE * size), line, fill=INK, font=font)
 
 
-def labelled(picture: Picture, lines: list[str], size: int = 13) -> Image.Image:
+def wrapped(words: list[str], width: float, size: int) -> list[str]:
+    """Return words joined by commas, in as few lines as fit; one that is wider than a line has a line of its own.
+
+    Args:
+        words: What to say.
+        width: Width of a line, pixels.
+        size: Font size, pixels.
+    """
+    font, lines = ImageFont.load_default(size), words[:1]
+    for word in words[1:]:
+        longer = f"{lines[-1]}, {word}"
+        if font.getlength(longer) <= width:
+            lines[-1] = longer
+        else:
+            lines.append(word)
+    return lines
+
+
+def labelled(picture: Picture, lines: list[str], size: int = LETTERS) -> Image.Image:
     """Return a picture with lines of text in its upper left corner.
 
     Args:
@@ -46,5 +70,5 @@ def labelled(picture: Picture, lines: list[str], size: int = 13) -> Image.Image:
         size: Font size, pixels.
     """
     image = Image.fromarray(np.ascontiguousarray(picture))
-    write(image, (6, 4), lines, size)
+    write(image, (LEFT, 4), lines, size)
     return image

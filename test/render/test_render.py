@@ -14,6 +14,7 @@ from PIL import Image
 from pga_me_ros.core.archive.elites import Solutions
 from pga_me_ros.core.archive.make_archive import make_archive
 from pga_me_ros.core.archive.metrics import generation_metrics
+from pga_me_ros.core.archive.spread import spread_cells
 from pga_me_ros.core.evaluation import evaluation_rng
 from pga_me_ros.core.networks.controller import MlpController
 from pga_me_ros.core.networks.mlp import random_parameters
@@ -26,8 +27,10 @@ from pga_me_ros.library import StoredRun
 from pga_me_ros.player.body_reader import BodyReader
 from pga_me_ros.player.camera import FIELD_OF_VIEW, Camera
 from pga_me_ros.player.promise import kept
+from pga_me_ros.render import animation
 from pga_me_ros.render.__main__ import main
-from pga_me_ros.render.contact_sheet import GAP, HEAD, LABEL, spread_cells
+from pga_me_ros.render.contact_sheet import GAP, HEAD, LABEL
+from pga_me_ros.render.labels import wrapped
 from pga_me_ros.render.scene import Scene
 from pga_me_ros.tasks.registry import make_task, task_spec
 from pga_me_ros.tasks.rollout import rollout
@@ -182,6 +185,38 @@ def test_a_contact_sheet_has_a_row_per_gait(
         for j in range(4):
             left = LABEL + j * (176 + GAP)
             assert robot(sheet[top : top + 132, left : left + 176]).sum() > 150
+
+
+def test_a_gallery_shows_gaits_in_step_until_the_last_one_has_ended(
+    run: Path, render: Callable[..., str], tmp_path: Path
+) -> None:
+    out = tmp_path / "gallery.gif"
+    small = ("--size", 150, 110, "--fps", 30)
+    words = render("--gallery", 3, "--columns", 2, "--out", out, *small).splitlines()
+    assert [word.rsplit(": ", 1)[1] for word in words] == ["equal"] * 3
+    archive = StoredRun.load(run).archive
+    cells = spread_cells(archive, archive.filled_cells(), 3)
+    assert [int(word.split()[1].rstrip(":")) for word in words] == cells
+    counts = [int(archive.steps[cell]) // 2 for cell in cells]  # a picture after every 2nd step
+    films, gap = frames(out), animation.GAP
+    assert len(films) == max(counts) + 1
+    assert films[0].shape == (2 * 110 + gap, 2 * 150 + gap, 3)
+    for i, count in enumerate(counts):
+        top, left = i // 2 * (110 + gap), i % 2 * (150 + gap)
+        parts = [film[top : top + 110, left : left + 150] for film in films]
+        assert (robot(parts[0]) != robot(parts[count])).any(), "it moves"
+        for part in parts[count:]:
+            np.testing.assert_array_equal(part, parts[count], "its last picture stays")
+    assert not robot(films[0][110 + gap :, 150 + gap :]).any(), "the fourth place is empty"
+
+
+def test_words_are_wrapped_to_the_width_of_a_picture() -> None:
+    words = ["[0.35]", "fitness 2162", "mean of 12", "0 % fall"]
+    assert wrapped(words, 1000, 13) == [", ".join(words)]
+    assert wrapped(words, 10, 13) == words
+    lines = wrapped(words, 150, 13)
+    assert ", ".join(lines) == ", ".join(words)
+    assert 1 < len(lines) < 4
 
 
 def test_the_gaits_of_a_sheet_are_far_apart(run: Path) -> None:
