@@ -129,7 +129,8 @@ def draw_gallery(
     from pga_me_ros.render.animation import animation, save_gif, side_by_side
 
     period = task.spec.control_period
-    episodes, films, longest = [], [], []
+    episodes, films = [], []
+    longest: list[float] = []
     for gait in gaits:
         whole, recording, times = _shown(task, settings, gait, options)
         episodes.append(whole.episode)
