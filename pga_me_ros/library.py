@@ -18,6 +18,7 @@ from pga_me_ros.core.storage.run_info import RunInfo
 from pga_me_ros.core.storage.stored_run import StoredBehavior
 from pga_me_ros.core.storage.whole_run import store_whole_run
 from pga_me_ros.errors import PgaError, RequestError
+from pga_me_ros.paths import user_path
 from pga_me_ros.tasks.protocol import Task
 from pga_me_ros.tasks.registry import make_task
 from pga_me_ros.tasks.rollout import Episode, rollout
@@ -123,10 +124,10 @@ class StoredRun(stored_run.StoredRun):
         task = make_task(self.settings.task, self.settings.randomization)
         try:
             options = GifOptions(seconds=seconds, size=size)
-            draw_gif(task, self.settings, behavior, Path(path), options)
+            draw_gif(task, self.settings, behavior, user_path(path), options)
         finally:
             task.close()
-        return Path(path)
+        return user_path(path)
 
 
 def save_run(path: str | Path, search: Search) -> StoredRun:
@@ -149,7 +150,7 @@ def save_run(path: str | Path, search: Search) -> StoredRun:
     """
     if not search.metrics:
         raise RequestError("The search has no generation yet; call run_generation first.")
-    file = Path(path) / stored_run.REPERTOIRE
+    file = user_path(path) / stored_run.REPERTOIRE
     info = RunInfo.of_new_run(search.spec, search.settings)
     store_whole_run(file, info, search.archive, search.metrics, search.settings.rates)
     if search.trained and algorithm_of(search.settings).conditioned:

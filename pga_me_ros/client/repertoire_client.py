@@ -31,7 +31,12 @@ from pga_me_ros.client.patient_caller import (
     PatientCaller,
     PendingCall,
 )
-from pga_me_ros.client.requests import behavior_request, behaviors_request, limit
+from pga_me_ros.client.requests import (
+    behavior_request,
+    behaviors_request,
+    check_timeout,
+    list_request,
+)
 from pga_me_ros.errors import RequestError
 from pga_me_ros.ros import names, qos
 
@@ -69,7 +74,7 @@ class RepertoireClient:
         *,
         repertoire: str | Path = "",
     ) -> None:
-        _check_timeout(timeout)
+        check_timeout(timeout)
         if repertoire and prefix:
             raise RequestError(
                 f"prefix is '{prefix}', but a repertoire of one's own has a namespace of its own; give one of them."
@@ -307,8 +312,7 @@ class RepertoireClient:
     def _ask_list(
         self, offset: int, most: int, timeout: float | None, limits: Mapping[str, Any]
     ) -> PendingCall:
-        request = ListBehaviors.Request(offset=int(offset), limit=int(most))
-        limit(request, **limits)
+        request = list_request(offset, most, **limits)
         return self._start(self._list, request, read_list, timeout)
 
     def _ask_info(self, timeout: float | None) -> PendingCall:
@@ -320,10 +324,5 @@ class RepertoireClient:
         if self._server:
             self._server.require_alive()
         seconds = self._timeout if timeout is None else timeout
-        _check_timeout(seconds)
+        check_timeout(seconds)
         return self._caller.start(client, request, read, seconds)
-
-
-def _check_timeout(seconds: float) -> None:
-    if not seconds > 0.0:
-        raise RequestError(f"timeout is {seconds}; give seconds above 0.")

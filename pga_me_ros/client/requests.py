@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import array
-import math
 from collections.abc import Sequence
 from typing import Any
 
 from pga_me_msgs.srv import GetBehavior, GetBehaviors, ListBehaviors
 
+from pga_me_ros.arguments import number, numbers, whole_number
 from pga_me_ros.errors import RequestError
 
 LEAST_FITNESS = -9.9e307
@@ -41,9 +41,9 @@ def behavior_request(
     request = GetBehavior.Request(select=getattr(GetBehavior.Request, chosen[0].upper()))
     request.with_controller = bool(with_controller)
     if descriptor is not None:
-        request.descriptor = _numbers("descriptor", descriptor)
+        request.descriptor = array.array("d", numbers("descriptor", descriptor))
     if cell is not None:
-        request.cell = int(cell)
+        request.cell = whole_number("cell", cell)
     _limit_distance(request, descriptor is not None, max_distance)
     limit(request, **limits)
     return request
@@ -62,9 +62,24 @@ def behaviors_request(
     Raises:
         RequestError: A number is none.
     """
-    request = GetBehaviors.Request(count=int(count), with_controllers=bool(with_controllers))
-    request.descriptor = _numbers("descriptor", descriptor)
+    request = GetBehaviors.Request(
+        count=whole_number("count", count), with_controllers=bool(with_controllers)
+    )
+    request.descriptor = array.array("d", numbers("descriptor", descriptor))
     _limit_distance(request, True, max_distance)
+    limit(request, **limits)
+    return request
+
+
+def list_request(offset: int, most: int, **limits: Any) -> ListBehaviors.Request:
+    """Return the request for a page of behaviors; arguments as in `RepertoireClient.list_behaviors_async`.
+
+    Raises:
+        RequestError: A number is none.
+    """
+    request = ListBehaviors.Request(
+        offset=whole_number("offset", offset), limit=whole_number("limit", most)
+    )
     limit(request, **limits)
     return request
 
@@ -87,9 +102,9 @@ def limit(
     request.by_mean, request.single = bool(by_mean), bool(single)
     if min_fitness is not None:
         # Far below any fitness, so that a limit is never mistaken for the field's default, which is none.
-        request.min_fitness = max(_number("min_fitness", min_fitness), LEAST_FITNESS)
+        request.min_fitness = max(number("min_fitness", min_fitness), LEAST_FITNESS)
     if max_fall_share is not None:
-        request.max_fall_share = _number("max_fall_share", max_fall_share)
+        request.max_fall_share = number("max_fall_share", max_fall_share)
         if not 0.0 <= request.max_fall_share <= 1.0:
             raise RequestError(f"max_fall_share is {max_fall_share}; give a share from 0 to 1.")
 
@@ -98,22 +113,18 @@ def _limit_distance(
     request: GetBehavior.Request | GetBehaviors.Request, wanted: bool, max_distance: float | None
 ) -> None:
     if max_distance is not None:
-        if not wanted or _number("max_distance", max_distance) < 0.0:
+        if not wanted or number("max_distance", max_distance) < 0.0:
             raise RequestError(
                 f"max_distance is {max_distance}; give 0 or more, together with a descriptor."
             )
         request.max_distance = float(max_distance)
 
 
-def _numbers(name: str, values: Sequence[float]) -> array.array[float]:
-    return array.array("d", [_number(name, x) for x in values])
+def check_timeout(seconds: float) -> None:
+    """Refuse a timeout that no answer could keep.
 
-
-def _number(name: str, value: Any) -> float:
-    try:
-        number = float(value)
-    except (TypeError, ValueError):
-        number = math.nan
-    if math.isnan(number):
-        raise RequestError(f"{name} is or holds {value!r}; give a number.")
-    return number
+    Raises:
+        RequestError: It is not a number above 0.
+    """
+    if number("timeout", seconds) <= 0.0:
+        raise RequestError(f"timeout is {seconds}; give seconds above 0.")

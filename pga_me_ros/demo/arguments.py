@@ -9,6 +9,7 @@ from itertools import pairwise
 from pathlib import Path
 
 from pga_me_ros.errors import SettingsError, nearest_name
+from pga_me_ros.paths import user_path
 
 EVALUATIONS = 5000
 """Default budget: two or three minutes of the walker on two cores."""
@@ -55,7 +56,7 @@ def find_config(given: str) -> Path:
     Raises:
         SettingsError: There is no such file.
     """
-    path = Path(given)
+    path = user_path(given)
     if path.is_file():
         return path
     known: dict[str, Path] = {}

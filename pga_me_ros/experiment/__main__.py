@@ -15,6 +15,7 @@ from pga_me_ros.experiment.experiment_file import read_experiment
 from pga_me_ros.experiment.matrix import Matrix
 from pga_me_ros.experiment.plan import COPY, Cell
 from pga_me_ros.experiment.stored_cell import evaluations_so_far, require_own_run
+from pga_me_ros.paths import user_path
 from pga_me_ros.process.program import run_program
 from pga_me_ros.process.signals import Signals
 from pga_me_ros.process.terminal import Terminal
@@ -128,9 +129,9 @@ def _parser() -> argparse.ArgumentParser:
         description="Run the systems, tasks and seeds of a YAML file, as many in parallel as there are cores. "
         "The same command resumes where it stopped; `report FOLDER` compares the results.",
     )
-    parser.add_argument("file", type=Path, metavar="FILE", help="experiment file")
+    parser.add_argument("file", type=user_path, metavar="FILE", help="experiment file")
     parser.add_argument(
-        "--folder", type=Path, help="where the runs are kept (experiments/NAME-OF-FILE)"
+        "--folder", type=user_path, help="where the runs are kept (experiments/NAME-OF-FILE)"
     )
     parser.add_argument("--jobs", type=int, metavar="N", help="runs in parallel (one per core)")
     parser.add_argument(

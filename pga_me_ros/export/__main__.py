@@ -15,6 +15,7 @@ from pga_me_ros.errors import RequestError, StorageError
 from pga_me_ros.export.arrays import write_npz, write_pyribs
 from pga_me_ros.export.source import Source
 from pga_me_ros.export.table import write_csv
+from pga_me_ros.paths import user_path
 from pga_me_ros.process.program import run_program
 
 TABLES = {"npz": (write_npz, ".npz"), "csv": (write_csv, ".csv"), "pyribs": (write_pyribs, ".npz")}
@@ -152,7 +153,9 @@ def _parser() -> argparse.ArgumentParser:
         prog="export",
         description="Write a repertoire, or one controller of it, for other programs; docs/export.md has the formats.",
     )
-    parser.add_argument("run", type=Path, metavar="RUN", help="folder of a run, or repertoire file")
+    parser.add_argument(
+        "run", type=user_path, metavar="RUN", help="folder of a run, or repertoire file"
+    )
     parser.add_argument("--to", required=True, choices=[*TABLES, *MODELS], help="format")
     which = parser.add_mutually_exclusive_group()
     which.add_argument("--cell", type=int, metavar="N", help="only the controller of this cell")
@@ -175,7 +178,7 @@ def _parser() -> argparse.ArgumentParser:
         help="with --best: the fittest in its single evaluation, also where means of re-evaluations are known",
     )
     parser.add_argument(
-        "--out", type=Path, metavar="PATH", help="file to write; folder for several models"
+        "--out", type=user_path, metavar="PATH", help="file to write; folder for several models"
     )
     return parser
 

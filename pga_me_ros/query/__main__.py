@@ -6,7 +6,6 @@ import argparse
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from pathlib import Path
 from typing import Any
 
 import rclpy
@@ -14,6 +13,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from pga_me_ros.client import Behavior, FoundBehavior, RepertoireClient, RepertoireInfo
 from pga_me_ros.errors import RequestError
+from pga_me_ros.paths import user_path
 from pga_me_ros.process.program import run_program
 from pga_me_ros.query.saving import require_savable, save
 from pga_me_ros.query.table import as_json, table
@@ -170,7 +170,10 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--json", action="store_true", help="print JSON in place of the table")
     parser.add_argument(
-        "--save", type=Path, metavar="FILE", help="also write the behavior: FILE.onnx or FILE.npz"
+        "--save",
+        type=user_path,
+        metavar="FILE",
+        help="also write the behavior: FILE.onnx or FILE.npz",
     )
     parser.add_argument(
         "--timeout",

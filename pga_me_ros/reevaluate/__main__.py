@@ -21,6 +21,7 @@ from pga_me_ros.core.storage.reevaluations import Reevaluations, fitness_differe
 from pga_me_ros.core.storage.run_info import RunInfo, changed_fields, library_versions
 from pga_me_ros.core.storage.stored_run import StoredRun
 from pga_me_ros.errors import RequestError, StorageError
+from pga_me_ros.paths import user_path
 from pga_me_ros.process.program import run_program
 from pga_me_ros.process.streams import tell
 from pga_me_ros.reevaluate.workers import Job, SimulatedWorld, evaluated
@@ -223,7 +224,9 @@ def _parser() -> argparse.ArgumentParser:
         "repertoire: behaviors then carry mean, spread and share of falls, and the corrected archive is known. More "
         "repeats may be added at any time.",
     )
-    parser.add_argument("run", type=Path, metavar="RUN", help="folder of a run, or repertoire file")
+    parser.add_argument(
+        "run", type=user_path, metavar="RUN", help="folder of a run, or repertoire file"
+    )
     parser.add_argument("--repeats", type=int, default=10, metavar="N", help="per elite (10)")
     which = parser.add_mutually_exclusive_group()
     which.add_argument("--best", type=int, metavar="N", help="only the N fittest elites")

@@ -14,6 +14,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as in evaluators
 from pga_me_ros.core.archive.choosing import Demands, Judging
 from pga_me_ros.core.storage.stored_run import StoredBehavior, StoredRun
 from pga_me_ros.errors import RequestError, StorageError
+from pga_me_ros.paths import user_path
 from pga_me_ros.player.gait import Gait
 from pga_me_ros.player.promise import kept
 from pga_me_ros.player.watched_rollout import Recording
@@ -146,7 +147,7 @@ def _tell(gait: Gait, episode: Episode, seed: int | None) -> None:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="render", description=__doc__)
-    parser.add_argument("run", type=Path, help="folder of a run, or its repertoire file")
+    parser.add_argument("run", type=user_path, help="folder of a run, or its repertoire file")
     which = parser.add_mutually_exclusive_group()
     which.add_argument("--best", action="store_true", help="draw the fittest gait (the default)")
     which.add_argument("--descriptor", type=float, nargs="+", help="draw the nearest gait")
@@ -179,7 +180,7 @@ def _parser() -> argparse.ArgumentParser:
         metavar="N",
         help="begin in another initial pose, drawn from this seed, not in that of the gait's evaluation",
     )
-    parser.add_argument("--out", type=Path, help="file to write; a GIF, or a PNG with --sheet")
+    parser.add_argument("--out", type=user_path, help="file to write; a GIF, or a PNG with --sheet")
     parser.add_argument("--start", type=float, default=0.0, help="seconds to leave out (GIF)")
     parser.add_argument("--seconds", type=_positive, default=10.0, help="seconds to show (GIF)")
     parser.add_argument("--speed", type=_positive, default=1.0, help="1 is real time (GIF)")

@@ -7,7 +7,6 @@ import contextlib
 import sys
 from collections.abc import Sequence
 from dataclasses import fields
-from pathlib import Path
 from typing import Any
 
 import yaml
@@ -17,6 +16,7 @@ from pga_me_ros.core.settings import Settings
 from pga_me_ros.core.settings.rules import CRITICS
 from pga_me_ros.core.storage.stored_run import StoredRun
 from pga_me_ros.errors import RequestError, SettingsError
+from pga_me_ros.paths import user_path
 from pga_me_ros.process.program import run_program
 from pga_me_ros.recording.episodes import RecordedRun, recorded_run
 from pga_me_ros.recording.gaps import ranges
@@ -179,16 +179,16 @@ def _parser() -> argparse.ArgumentParser:
         description="Use a recording of a run's experience: train critics on it, restore experience files that the run "
         "has lost, or publish its messages again.",
     )
-    parser.add_argument("bag", type=Path, metavar="BAG", help="folder that `record` made")
+    parser.add_argument("bag", type=user_path, metavar="BAG", help="folder that `record` made")
     what = parser.add_mutually_exclusive_group(required=True)
     what.add_argument(
         "--out",
-        type=Path,
+        type=user_path,
         metavar="FOLDER",
         help="train critics and write them into this new folder",
     )
     what.add_argument(
-        "--into", type=Path, metavar="RUN", help="restore lost experience files of this run"
+        "--into", type=user_path, metavar="RUN", help="restore lost experience files of this run"
     )
     what.add_argument(
         "--publish", action="store_true", help=f"publish; ROS arguments follow after {ROS_ARGS}"
@@ -198,7 +198,7 @@ def _parser() -> argparse.ArgumentParser:
     training.add_argument("--task", default="", help="refuse a recording of any other task")
     training.add_argument(
         "--like",
-        type=Path,
+        type=user_path,
         metavar="RUN",
         help="use the settings of this run instead of the defaults",
     )

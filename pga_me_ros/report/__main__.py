@@ -16,6 +16,7 @@ import numpy as np
 from pga_me_ros.core.archive.corrected import complete_metrics
 from pga_me_ros.core.storage.stored_run import StoredRun
 from pga_me_ros.errors import RequestError
+from pga_me_ros.paths import user_path
 from pga_me_ros.process.program import run_program
 from pga_me_ros.report.compared_run import ComparedRun
 from pga_me_ros.report.comparison import Comparison, compare, compare_experiment, is_experiment
@@ -140,7 +141,7 @@ def main() -> int:
     parser.add_argument(
         "runs",
         nargs="+",
-        type=Path,
+        type=user_path,
         help="folders of runs, repertoire files, or an experiment's folder",
     )
     parser.add_argument(
@@ -149,7 +150,7 @@ def main() -> int:
         help="compare the systems of the runs; the folder of an experiment always is compared",
     )
     parser.add_argument(
-        "--out", type=Path, default=Path("report"), help="folder for the pictures (report)"
+        "--out", type=user_path, default=Path("report"), help="folder for the pictures (report)"
     )
     parser.add_argument(
         "--paper",

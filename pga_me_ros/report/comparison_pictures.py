@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.typing import LineStyleType
 
 from pga_me_ros.core.archive.heatmap import ANCHORS, draw_heatmap
+from pga_me_ros.paths import file_name
 from pga_me_ros.report.comparison import METRICS, Comparison, TaskComparison
 from pga_me_ros.report.paper import LABEL
 from pga_me_ros.report.pictures import PAPER_COLOR, draw_paper, label_axes, save
@@ -29,6 +30,8 @@ LOOKS: tuple[tuple[str, LineStyleType], ...] = (
 """Color and line by place of the system: colors that the color-blind tell apart (Okabe and Ito), and lines."""
 
 PIXELS = 480
+LOWEST = 2.6
+"""Least height of a picture with a color scale and its label, inches."""
 
 
 def draw_curves_compared(
@@ -124,9 +127,8 @@ def _draw_archives(task: TaskComparison, folder: Path, *, single: bool) -> list[
     columns = min(3, len(runs))
     rows = -(-len(runs) // columns)
     one_dimension = next(iter(archives.values())).dimensions == 1
-    figure = Figure(
-        figsize=(3.1 * columns + 0.9, (1.7 if one_dimension else 3.1) * rows), layout="constrained"
-    )
+    height = max(1.7 * rows, LOWEST) if one_dimension else 3.1 * rows
+    figure = Figure(figsize=(3.1 * columns + 0.9, height), layout="constrained")
     grid = figure.subplots(rows, columns, squeeze=False)
     for axes in grid.flat[len(runs) :]:
         axes.set_visible(False)
@@ -147,4 +149,4 @@ def _draw_archives(task: TaskComparison, folder: Path, *, single: bool) -> list[
     what = "; corrected by the means of re-evaluations" if corrected else ""
     title = f"{task.task}: of each system the run with the median QD-score{what}"
     figure.suptitle(title, fontsize=10)
-    return save(figure, folder / f"comparison-{task.task}-archives")
+    return save(figure, folder / f"comparison-{file_name(task.task)}-archives")

@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 from pga_me_ros.core.archive.corrected import corrected_archive
 from pga_me_ros.core.archive.heatmap import ANCHORS, draw_heatmap
 from pga_me_ros.core.storage.stored_run import StoredRun
+from pga_me_ros.paths import file_name
 from pga_me_ros.report.paper import LABEL, SYSTEMS, paper_curve
 
 CURVES = (
@@ -25,6 +26,8 @@ FORMATS = ("png", "svg")
 COLOR = "#28708c"
 PAPER_COLOR = "#707070"
 PIXELS = 960
+MARGIN = 0.06
+"""White space around a picture, inches."""
 
 mpl.use("Agg")
 mpl.rcParams["svg.hashsalt"] = "pga_me_ros"  # the same run gives the same file
@@ -102,7 +105,7 @@ def draw_curves(runs: Sequence[StoredRun], folder: Path, *, paper: bool = False)
     many = f", median and quartiles of {len(runs)} runs" if len(runs) > 1 else ""
     theirs = f"; dashed: {LABEL}, {SYSTEMS[common_algorithm(runs)]}" if paper else ""
     figure.suptitle(f"{runs[0].spec.name}{many}{theirs}", fontsize=10)
-    return save(figure, folder / f"{runs[0].spec.name}-curves")
+    return save(figure, folder / f"{file_name(runs[0].spec.name)}-curves")
 
 
 def common_algorithm(runs: Sequence[StoredRun]) -> str:
@@ -174,5 +177,6 @@ def save(figure: Figure, stem: Path) -> list[Path]:
     files = [stem.with_name(f"{stem.name}.{kind}") for kind in FORMATS]
     for file in files:
         metadata = {"Date": None} if file.suffix == ".svg" else {}
-        figure.savefig(file, dpi=120, metadata=metadata)
+        # As large as what is drawn: a long name or a label of a low picture would be cut otherwise.
+        figure.savefig(file, dpi=120, metadata=metadata, bbox_inches="tight", pad_inches=MARGIN)
     return files

@@ -16,9 +16,11 @@ from rclpy._rclpy_pybind11 import UnknownROSArgsError
 from rclpy.logging import LoggingSeverity, get_logger_level, set_logger_level
 
 from pga_me_ros.errors import SettingsError, nearest_name
+from pga_me_ros.paths import expanded
 from pga_me_ros.process.streams import tell
 from pga_me_ros.ros.environment import prepare_environment
 from pga_me_ros.ros.memory import set_malloc_limits
+from pga_me_ros.ros.node_names import EXPECTED, RENAMES_NODE, require_valid_name
 from pga_me_ros.ros.parameter_help import parameter_list
 from pga_me_ros.ros.params_file import entries, matches
 
@@ -68,6 +70,9 @@ def start(program: Program, args: Sequence[str] | None = None, **options: Any) -
     if any(word in HELP for word in args):
         tell(program.help(), end="")
         return False
+    for i, (flag, value) in enumerate(pairwise(args), start=1):
+        if flag == "--params-file":
+            args[i] = expanded(value)
     check(program, args)
     prepare_environment()
     set_malloc_limits()
@@ -96,6 +101,9 @@ def check(program: Program, args: Sequence[str]) -> None:
             f"Unknown argument '{unknown[0]}'{near}; parameters come after --ros-args: {program.name} "
             "--ros-args -p NAME:=VALUE. --help lists them."
         )
+    for flag, value in pairwise(args):
+        if flag in REMAP:
+            require_valid_name(value)
     node = node_name(program, args)
     for flag, value in pairwise(args):
         if flag == "--params-file":
@@ -118,7 +126,7 @@ def node_name(program: Program, args: Sequence[str]) -> str:
     """Return the fully qualified name of a node, as remapped on the command line."""
     namespace, name = "/", program.name
     for word in args:
-        rule = re.fullmatch(r"(?:[^:]+:)?__(ns|node|name):=(.+)", word)
+        rule = re.fullmatch(RENAMES_NODE, word)
         if rule and rule[1] == "ns":
             namespace = rule[2]
         elif rule:
@@ -130,7 +138,7 @@ def remappings(args: Sequence[str]) -> list[str]:
     """Return the arguments that rename topics and services, so that other nodes of the graph can rename them, too."""
     found: list[str] = []
     for flag, rule in pairwise(args):
-        if flag in REMAP and not re.fullmatch(r"(?:[^:]+:)?__(ns|node|name):=.*", rule):
+        if flag in REMAP and not re.fullmatch(RENAMES_NODE, rule):
             found += [flag, rule]
     return found
 
@@ -182,8 +190,8 @@ def _in_words(error: Exception) -> str:
     expected = {
         "-p": "-p NAME:=VALUE, with a VALUE",
         "--param": "--param NAME:=VALUE, with a VALUE",
-        "-r": "-r FROM:=TO, or -r __ns:=/NAMESPACE with the slash",
-        "--remap": "--remap FROM:=TO, or --remap __ns:=/NAMESPACE with the slash",
+        "-r": f"-r FROM:=TO, where names have {EXPECTED}",
+        "--remap": f"--remap FROM:=TO, where names have {EXPECTED}",
         "--params-file": "a YAML file of ROS 2 parameters, entries of a list all of one type",
         "--log-level": "debug, info, warn, error or fatal",
     }.get(flag, "what `ros2 run` accepts")

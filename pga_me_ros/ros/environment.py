@@ -18,6 +18,10 @@ LOGGING_SWITCHES = (
 
 SECURITY = "ROS_SECURITY_ENABLE"
 
+DOMAIN = "ROS_DOMAIN_ID"
+LAST_DOMAIN = 232
+"""DDS computes ports from the domain; those of higher ones do not exist, and Fast DDS prints lines of its source."""
+
 WHEEL = "ros-rmw-fastrtps-cpp"
 """Distribution of the middleware if ROS 2 comes as wheels, whose Fast DDS is built without DDS security."""
 
@@ -38,6 +42,7 @@ def prepare_environment(environment: MutableMapping[str, str] | None = None) -> 
     for name in LOGGING_SWITCHES:
         if variables.get(name, "") not in ("", "0", "1"):
             raise SettingsError(f"{name} is '{variables[name]}'; expected 0 or 1, or unset it.")
+    _require_domain(variables.get(DOMAIN, ""))
     fill_in_dds_choices(variables)
     # Exactly "true" counts for rcl, too.
     if variables.get(SECURITY) == "true" and not has_dds_security():
@@ -45,6 +50,14 @@ def prepare_environment(environment: MutableMapping[str, str] | None = None) -> 
             f"{SECURITY} is true, but ROS 2 comes from wheels here, whose Fast DDS has no DDS security: nothing would "
             "be signed, encrypted or refused. Use a ROS 2 installation that has it, or unset the variable and see "
             "docs/security.md."
+        )
+
+
+def _require_domain(given: str) -> None:
+    text = given.strip()
+    if text and not (text.isascii() and text.isdecimal() and int(text) <= LAST_DOMAIN):
+        raise SettingsError(
+            f"{DOMAIN} is '{given}'; expected a whole number from 0 to {LAST_DOMAIN}, or unset it."
         )
 
 

@@ -17,7 +17,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from pga_me_ros.core.settings import Settings
-from pga_me_ros.core.settings.field import checked_value
+from pga_me_ros.core.settings.field import INT64_MAX, checked_value
 from pga_me_ros.core.storage.files import require_reachable
 from pga_me_ros.errors import PgaError, SettingsError, nearest_name
 
@@ -82,6 +82,21 @@ def _declare(
         described = descriptor(f)
         described.read_only |= fixed
         node.declare_parameter(name, value, described, ignore_override=True)
+    node.add_pre_set_parameters_callback(lambda given: [_in_own_type(node, p) for p in given])
+
+
+def _in_own_type(node: Node, given: Parameter) -> Parameter:
+    """Return a parameter that is about to be set in the type that it was declared with, where no digit is lost.
+
+    ``ros2 param set NODE iso_sigma 1`` sends an integer, which rclpy would refuse.
+    """
+    kind = node.get_parameter(given.name).type_ if node.has_parameter(given.name) else given.type_
+    if kind is Parameter.Type.DOUBLE and given.type_ is Parameter.Type.INTEGER:
+        return Parameter(given.name, kind, float(given.value))
+    may_be_whole = kind is Parameter.Type.INTEGER and given.type_ is Parameter.Type.DOUBLE
+    if may_be_whole and given.value.is_integer() and abs(given.value) < INT64_MAX:
+        return Parameter(given.name, kind, int(given.value))
+    return given
 
 
 def declare_run(

@@ -21,6 +21,7 @@ from pga_me_ros.core.storage.run_info import SCHEMA_VERSION
 from pga_me_ros.core.storage.stored_run import REPERTOIRE, StoredRun
 from pga_me_ros.core.storage.whole_run import store_whole_run
 from pga_me_ros.errors import RequestError, StorageError
+from pga_me_ros.paths import user_path
 from pga_me_ros.process.program import run_program
 from pga_me_ros.thin.card import card
 from pga_me_ros.thin.choosing import Thinning, thinned
@@ -158,10 +159,12 @@ def _parser() -> argparse.ArgumentParser:
         "spread over the descriptor space. Writes a folder with the repertoire, the re-evaluations of what is kept, "
         "and a card that says where it comes from and what it is good for.",
     )
-    parser.add_argument("run", type=Path, metavar="RUN", help="folder of a run, or repertoire file")
+    parser.add_argument(
+        "run", type=user_path, metavar="RUN", help="folder of a run, or repertoire file"
+    )
     parser.add_argument(
         "--out",
-        type=Path,
+        type=user_path,
         required=True,
         metavar="FOLDER",
         help="new folder; its name is the repertoire's",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import subprocess
 import sys
 from collections.abc import Callable
@@ -19,7 +20,9 @@ from pga_me_ros.core.runs.run_directory import open_run
 from pga_me_ros.core.settings import RATES, Settings
 from pga_me_ros.core.storage.repertoire import Repertoire
 from pga_me_ros.core.storage.stored_run import StoredRun
-from pga_me_ros.report.__main__ import draw, table
+from pga_me_ros.report.__main__ import draw, draw_comparison, table
+from pga_me_ros.report.compared_run import ComparedRun
+from pga_me_ros.report.comparison import compare
 from pga_me_ros.report.lineage import COLORS, draw_lineage, look
 from pga_me_ros.report.pictures import draw_archive
 from pga_me_ros.tasks.registry import task_spec
@@ -27,9 +30,9 @@ from pga_me_ros.tasks.registry import task_spec
 TASKS = ["qd_hopper", "qd_walker", "qd_ant"]
 
 
-def stored(folder: Path, task: str, seed: int) -> Path:
-    """Store a run of three generations with made-up fitness and descriptors."""
-    spec = task_spec(task)
+def stored(folder: Path, task: str, seed: int, *, name: str = "") -> Path:
+    """Store a run of three generations with made-up fitness and descriptors, perhaps of a task of another name."""
+    spec = dataclasses.replace(task_spec(task), name=name or task)
     settings = Settings(
         task=task,
         seed=seed,
@@ -142,3 +145,32 @@ def test_a_grid_of_more_bins_than_pixels_is_drawn(
     assert run.archive.cells == 1000
     for file in draw_archive(run, tmp_path):
         assert file.stat().st_size > 0
+
+
+@pytest.mark.parametrize("compare", [[], ["--compare"]], ids=["runs", "comparison"])
+def test_a_task_may_have_any_name(tmp_path: Path, compare: list[str]) -> None:
+    run = stored(tmp_path, "qd_hopper", 1, name="my/robot")
+    command = [sys.executable, "-m", "pga_me_ros.report", run, "--out", tmp_path / "out", *compare]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "| my/robot |" in done.stdout
+    made = [Path(line) for line in done.stdout.splitlines() if line.endswith((".png", ".svg"))]
+    assert made
+    assert all(path.parent == tmp_path / "out" and path.exists() for path in made)
+    assert any("my_robot-" in path.name for path in made)
+
+
+LONG_NAME = "a_robot_with_a_name_that_is_longer_than_its_picture_is_wide"
+
+
+@pytest.mark.parametrize(("task", "name"), [("qd_hopper", LONG_NAME), ("qd_walker", "")])
+def test_nothing_is_cut_off_at_the_edge_of_a_picture(tmp_path: Path, task: str, name: str) -> None:
+    path = stored(tmp_path, task, 1, name=name)
+    files = draw([StoredRun.load(path)], tmp_path)
+    files += draw_comparison(compare([ComparedRun.load(path)]), tmp_path)
+    pictures = [file for file in files if file.suffix == ".png"]
+    assert len(pictures) == 5
+    for file in pictures:
+        picture = imread(file)[..., :3]
+        edges = [picture[0], picture[-1], picture[:, 0], picture[:, -1]]
+        assert all((edge == 1.0).all() for edge in edges), file.name

@@ -127,3 +127,14 @@ def test_a_log_folder_that_cannot_be_written_is_reported_in_one_line(tmp_path: P
         assert ended.returncode == 2, ended.stderr
         (line,) = ended.stderr.splitlines()
         assert line.startswith("error: ")
+
+
+@pytest.mark.parametrize("domain", ["233", "1000", "99999999999999", "-1", "abc", "1.5", "٣"])
+def test_a_domain_that_does_not_exist_is_named(domain: str) -> None:
+    with pytest.raises(SettingsError, match=f"^ROS_DOMAIN_ID is '{domain}'; expected .* 0 to 232"):
+        prepare_environment({"ROS_DOMAIN_ID": domain})
+
+
+@pytest.mark.parametrize("domain", ["0", "232", ""])
+def test_a_domain_that_exists_is_accepted(domain: str) -> None:
+    prepare_environment({"ROS_DOMAIN_ID": domain})

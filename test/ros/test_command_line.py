@@ -6,6 +6,8 @@ import sys
 from pathlib import Path
 
 import pytest
+import rclpy
+from rclpy.context import Context
 
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.errors import SettingsError
@@ -92,3 +94,30 @@ def test_the_table_describes_a_parameter_completely() -> None:
 def test_the_page_of_parameters_is_up_to_date() -> None:
     path = Path(__file__).resolve().parents[2] / "docs" / "parameters.md"
     assert path.read_text() == page(), "python scripts/parameter_docs.py > docs/parameters.md"
+
+
+@pytest.mark.parametrize(
+    ("rule", "words"),
+    [
+        ("__ns:=/my-robot", "Namespace '/my-robot' has a '-', .*expected -r __ns:=/my_robot$"),
+        ("__ns:=/left/", "Namespace '/left/' ends with a slash; expected -r __ns:=/left$"),
+        ("__ns:=left", "Namespace 'left' does not begin with a slash; expected -r __ns:=/left$"),
+        ("__ns:=/a//b", "has two slashes in a row; expected -r __ns:=/a/b$"),
+        ("__ns:=/1st", "no digit first; expected -r __ns:=/_1st$"),
+        ("__ns:=/a__b", "single underscores only, .*expected -r __ns:=/a_b$"),
+        ("__ns:=", "Namespace '' .*expected -r __ns:=/$"),
+        ("__node:=my-node", "Node name 'my-node' has a '-', .*expected -r __node:=my_node$"),
+        ("boss:__name:=a/b", "Node name 'a/b' is no single name; expected -r __name:=a_b$"),
+    ],
+)
+def test_an_invalid_name_is_reported_with_a_valid_one(rule: str, words: str) -> None:
+    with pytest.raises(SettingsError, match=words):
+        check(PROGRAM, ["--ros-args", "-r", rule])
+
+
+@pytest.mark.parametrize("rule", ["__ns:=/a/_b", "__ns:=/", "__ns:=/a_", "__node:=a_", "a:=b/c"])
+def test_a_valid_name_is_accepted_as_by_ros(rule: str) -> None:
+    check(PROGRAM, ["--ros-args", "-r", rule])
+    context = Context()
+    rclpy.init(args=["x", "--ros-args", "-r", rule], context=context)
+    context.shutdown()

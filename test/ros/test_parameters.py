@@ -169,6 +169,41 @@ def test_a_refused_change_has_a_reason_and_is_not_applied(make_node: MakeNode) -
     assert (result.successful, result.reason, handed) == (False, "too fast for today", [])
 
 
+@dataclass(frozen=True)
+class Rates:
+    sigma: float = setting(0.5, "How far.", low=0.0, high=2.0, rate=True)
+    steps: int = setting(5, "How many.", low=1, high=100, rate=True)
+
+
+@pytest.mark.parametrize(
+    ("name", "sent", "value"),
+    [("sigma", 1, 1.0), ("sigma", 0, 0.0), ("steps", 7.0, 7), ("steps", 1e2, 100)],
+)
+def test_a_whole_number_may_be_set_in_either_type(
+    make_node: MakeNode, name: str, sent: float, value: float
+) -> None:
+    node = make_node()
+    declare(node, Rates)
+    handed: list[dict[str, Any]] = []
+    on_change(node, lambda changes: None, handed.append)
+    (result,) = node.set_parameters([Parameter(name, value=sent)])
+    assert result.successful, result.reason
+    assert node.get_parameter(name).value == value
+    assert type(node.get_parameter(name).value) is type(value)
+    assert handed == [{name: value}]
+
+
+@pytest.mark.parametrize(
+    ("name", "sent"), [("steps", 7.5), ("steps", 1e30), ("sigma", True), ("sigma", 3)]
+)
+def test_what_would_lose_something_is_refused(make_node: MakeNode, name: str, sent: float) -> None:
+    node = make_node()
+    declare(node, Rates)
+    (result,) = node.set_parameters([Parameter(name, value=sent)])
+    assert not result.successful
+    assert node.get_parameter(name).value == getattr(Rates(), name)
+
+
 @pytest.mark.parametrize(("name", "value"), [("gears", 6), ("speed", 3.0), ("speed", "fast")])
 def test_rclpy_refuses_what_the_descriptor_forbids(
     make_node: MakeNode, name: str, value: Any

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from pga_me_ros.errors import SettingsError, nearest_name
+from pga_me_ros.paths import expanded
 
 INT64_MAX = 2**63 - 1
 
@@ -43,7 +44,7 @@ def setting(
         part: Kind of archive, or part of an algorithm, that it configures (see `core.settings.rules`); empty when every
             run uses it.
         own: Whether the default stands for the algorithm's own value.
-        path: Whether it names a file or folder.
+        path: Whether it names a file or folder; a ``~`` at its beginning is expanded.
     """
     meta = {
         "description": description,
@@ -97,6 +98,8 @@ def _checked_scalar(f: dataclasses.Field[Any], value: Any, kind: type) -> Any:
     if isinstance(value, float) and math.isnan(value):
         raise SettingsError(f"{f.name} is {value}; expected a number.")
     meta = f.metadata
+    if meta["path"]:
+        value = _expanded(f.name, str(value))
     if meta["choices"] and value not in meta["choices"]:
         choices = ", ".join(meta["choices"])
         raise SettingsError(
@@ -108,6 +111,13 @@ def _checked_scalar(f: dataclasses.Field[Any], value: Any, kind: type) -> Any:
             f"{f.name} is {value}; expected a value from {low} to {high}{_unit(meta)}."
         )
     return value
+
+
+def _expanded(name: str, text: str) -> str:
+    try:
+        return expanded(text)
+    except SettingsError as error:
+        raise SettingsError(f"{name}: {error}") from None
 
 
 def _unit(meta: Mapping[str, Any]) -> str:

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from pga_me_ros.errors import StorageError, nearest_name
+from pga_me_ros.paths import user_path
 
 ZOO = "zoo"
 """First part of the name of a shipped repertoire."""
@@ -44,6 +45,7 @@ def located(path: Path) -> Path:
     Raises:
         StorageError: It is the name of a shipped repertoire, but there is none of that name.
     """
+    path = user_path(path)
     return shipped_folder(path) if is_shipped_name(path) else path
 
 
@@ -68,7 +70,9 @@ def shipped_folder(path: Path) -> Path:
 
 def _places() -> Iterator[Path]:
     """Yield the folders that may hold shipped repertoires, the first ones first."""
-    yield from (Path(place) for place in os.environ.get(VARIABLE, "").split(os.pathsep) if place)
+    yield from (
+        user_path(place) for place in os.environ.get(VARIABLE, "").split(os.pathsep) if place
+    )
     yield Path(__file__).resolve().parents[3] / FOLDER  # a checkout
     prefixes = [p for p in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if p]
     for prefix in [*prefixes, sys.prefix]:

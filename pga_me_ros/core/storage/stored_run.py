@@ -12,6 +12,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from pga_me_ros.arguments import number, numbers, whole_number
 from pga_me_ros.arrays import Float64Array
 from pga_me_ros.core.archive.archive import Archive
 from pga_me_ros.core.archive.choosing import Choices, Demands, Judging
@@ -240,17 +241,19 @@ class StoredRun:
         choices = self.choices(
             Demands(
                 Judging.of(by_mean=by_mean, single=single),
-                -math.inf if min_fitness is None else min_fitness,
-                math.inf if max_fall_share is None else max_fall_share,
+                -math.inf if min_fitness is None else number("min_fitness", min_fitness),
+                math.inf if max_fall_share is None else number("max_fall_share", max_fall_share),
             )
         )
         distance = 0.0
         if descriptor is not None:
             farthest = math.inf if max_distance is None else max_distance
-            cells, distances = choices.nearest(descriptor, 1, farthest)
+            cells, distances = choices.nearest(
+                numbers("descriptor", descriptor), 1, number("max_distance", farthest)
+            )
             chosen, distance = int(cells[0]), float(distances[0])
         elif cell is not None:
-            chosen = choices.of_cell(cell)
+            chosen = choices.of_cell(whole_number("cell", cell))
         elif random:  # what is looked at next is no part of a run, so it need not be repeatable
             chosen = choices.any(np.random.default_rng())
         else:
