@@ -5,7 +5,7 @@ SHELL := /bin/bash
 
 # Set these on the command line:
 PYTHON ?=
-TASK ?= qd_walker
+TASK ?= qd_hopper
 ARGS ?=
 REV ?= HEAD
 OLDER ?=
@@ -19,7 +19,7 @@ IN_VENV := . .venv/setup.bash &&
 help: ## Show this list
 	@sed -nE 's/^([a-z-]+):.*## (.*)/  make \1\t\2/p' Makefile | expand -t 18
 	@echo
-	@echo '  TASK=qd_hopper                run with config/qd_hopper.yaml'
+	@echo '  TASK=qd_walker                run with config/qd_walker.yaml'
 	@echo '  ARGS="-p evaluations:=20000"  pass arguments on: to run (ROS arguments), test (pytest options),'
 	@echo '                                and bench, soak, chaos, fuzz, two-hosts'
 	@echo '  WORKERS=3                     number of parallel test processes'

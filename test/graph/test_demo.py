@@ -12,16 +12,21 @@ import pytest
 from domain_coordinator import domain_id
 from graph import TINY, Graph, Started, ros_arguments, wait_until
 
-from pga_me_ros.demo.arguments import Arguments, find_config
+from pga_me_ros.demo.arguments import DEFAULTS, Arguments, find_config
 from pga_me_ros.errors import SettingsError
 
 CONFIG = Path(__file__).resolve().parents[2] / "config" / "qd_walker.yaml"
 
 
 def demonstrate(graph: Graph, run_dir: Path, *more: str, **parameters: Any) -> Started:
-    """Start the demonstration of a tiny run; it decides whether the orchestrator keeps serving."""
+    """Start the demonstration of a tiny run; it decides whether the orchestrator keeps serving.
+
+    The algorithm is named by a file: were that overridden by the default, `TINY` would be refused.
+    """
+    file = run_dir.parent / "walker.yaml"
+    file.write_text("/**: {ros__parameters: {task: qd_walker, algorithm: pga_map_elites}}\n")
     values = {**TINY, "run_dir": run_dir, **parameters}
-    words = ["--params-file", str(CONFIG), *ros_arguments(values)[1:], *more]
+    words = ["--params-file", str(file), *ros_arguments(values)[1:], *more]
     return graph.launch([sys.executable, "-m", "pga_me_ros.demo", *words])
 
 
@@ -115,14 +120,11 @@ def test_a_misspelled_task_gives_one_line_with_the_nearest_name(graph: Graph) ->
     assert "no params file 'config/qd_wlker.yaml' (did you mean 'qd_walker'?)" in line
 
 
-def test_the_budget_overrides_the_file_and_is_overridden_by_the_user() -> None:
+def test_a_file_and_the_user_override_the_defaults() -> None:
     words = ["--params-file", str(CONFIG), "-p", "evaluations:=7", "-p", "seed:=1"]
     arguments = Arguments.parse(words).orchestrator
-    assert arguments[1:3] == words[:2]
-    assert [w for w in arguments if w.startswith("evaluations")] == [
-        "evaluations:=5000",
-        "evaluations:=7",
-    ]
+    defaults = [word for value in DEFAULTS for word in ("-p", value)]
+    assert arguments == ["--ros-args", *defaults, *words, "-p", "serve:=true"]
 
 
 def test_a_namespace_reaches_the_robot_too() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -65,9 +66,26 @@ class RunDirectory:
 
 
 def default_run_dir(settings: Settings) -> Path:
-    """Return the default folder, which the same command always finds again: ``runs/TASK-seedSEED``."""
-    name = settings.task.replace(":", ".").rsplit(".", 1)[-1]
-    return Path("runs") / f"{name}-seed{settings.seed}"
+    """Return the default folder, which the same command always finds again.
+
+    It is ``runs/TASK-seedSEED`` for PGA-MAP-Elites and ``runs/TASK-ALGORITHM-seedSEED`` for any other algorithm, but for a
+    run of it that an earlier version put into the former.
+    """
+    task = settings.task.replace(":", ".").rsplit(".", 1)[-1]
+    plain = Path("runs") / f"{task}-seed{settings.seed}"
+    if settings.algorithm == Settings.algorithm:
+        return plain
+    own = Path("runs") / f"{task}-{settings.algorithm}-seed{settings.seed}"
+    return own if own.exists() or not _is_of(plain, settings.algorithm) else plain
+
+
+def _is_of(folder: Path, algorithm: str) -> bool:
+    """Whether a folder holds a run of an algorithm."""
+    if not (folder / REPERTOIRE).is_file():
+        return False
+    with suppress(StorageError), Repertoire.open(folder / REPERTOIRE, read_only=True) as file:
+        return Settings.from_stored(file.info.settings).algorithm == algorithm
+    return False
 
 
 def open_run(path: Path, spec: TaskSpec, settings: Settings) -> RunDirectory:

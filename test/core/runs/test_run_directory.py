@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import os
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -183,3 +184,20 @@ def test_a_folder_that_cannot_be_made_is_named(path: str) -> None:
 )
 def test_the_default_folder_is_named_after_task_and_seed(task: str, folder: str) -> None:
     assert default_run_dir(Settings(task=task, seed=7)) == Path("runs") / folder
+
+
+def test_other_algorithms_have_a_default_folder_each_but_for_runs_that_are_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    successor = TINY.replace(algorithm="map_elites", n_evo=2)
+    plain, own = Path("runs/qd_walker-seed0"), Path("runs/qd_walker-map_elites-seed0")
+    assert default_run_dir(successor) == own
+    start(plain)
+    assert default_run_dir(successor) == own, "the other folder holds another algorithm's run"
+    shutil.rmtree(plain)
+    start(plain, successor)
+    assert default_run_dir(successor) == plain, "an earlier version put it there"
+    start(own, successor)
+    assert default_run_dir(successor) == own
+    assert default_run_dir(TINY) == plain
