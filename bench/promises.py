@@ -1,9 +1,9 @@
 """Whether a repertoire keeps its promises: asks for descriptors, and runs the answers from starts never seen.
 
 Run: `.venv/bin/python bench/promises.py zoo/qd_hopper [--asked 200] [--starts 10] [--max-fall-share 0.05]`; the last
-line is JSON. The descriptors are drawn uniformly from the covered region: from the box around what the behaviors promise,
-less what is farther than `NEAR` from all of them. The promise is what the answer says: the mean of the behavior's
-re-evaluations where it has some. Distances are in shares of the descriptor's range.
+line is JSON. The descriptors are drawn uniformly from the covered region: from the box around what the behaviors
+promise, less what is farther than `NEAR` from all of them. The promise is what the answer says: the mean of the
+behavior's re-evaluations where it has some. Distances are in shares of the descriptor's range.
 """
 
 from __future__ import annotations

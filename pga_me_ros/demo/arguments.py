@@ -12,7 +12,7 @@ from pga_me_ros.errors import SettingsError, nearest_name
 from pga_me_ros.paths import user_path
 
 DEFAULTS = ("algorithm:=dcrl_map_elites", "evaluations:=7680")
-"""What a short run is best made with: the algorithm that learns fastest, and some five minutes of the hopper on two cores."""
+"""What a short run is best made with: the algorithm that learns fastest, and minutes of the hopper on two cores."""
 
 
 @dataclass(frozen=True)

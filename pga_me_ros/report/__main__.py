@@ -50,32 +50,41 @@ CORRECTED_NOTE = (
 
 
 def table(runs: list[StoredRun], *, paper: bool = False) -> str:
-    """Return the final metrics of runs as a Markdown table, medians last where a task has several.
+    """Return the final metrics of runs as a Markdown table, with medians where a task has several of an algorithm.
 
-    With `paper`, a task's last rows are the authors' medians at the last published number of evaluations that all of
-    its runs have reached.
+    With `paper`, the authors' medians follow them, at the last published number of evaluations that all of these runs
+    have reached.
 
     Corrected measures are there for runs whose elites were all evaluated again; they count the mean of an elite's
     re-evaluations, where the columns before them count the single evaluation that it was found with.
     """
     again = any(run.corrected for run in runs)
     formats = COLUMNS | CORRECTED if again else COLUMNS
-    heads = ["task", "seed", *formats]
+    heads = ["task", "algorithm", "seed", *formats]
     lines = [f"| {' | '.join(heads)} |", "|" + "---|" * len(heads)]
-    by_task: dict[str, list[StoredRun]] = defaultdict(list)
+    groups: dict[tuple[str, str], list[StoredRun]] = defaultdict(list)
     for run in runs:
-        by_task[run.spec.name].append(run)
-    for task, group in by_task.items():
-        rows = np.array([_numbers(run)[: len(formats)] for run in group])
-        for run, row in zip(group, rows, strict=True):
-            lines.append(_line(task, str(run.settings.seed), row, formats))
-        if len(rows) > 1:
-            known = [column[~np.isnan(column)] for column in rows.T]
-            medians = [np.median(column) if len(column) else np.nan for column in known]
-            lines.append(_line(task, "median", medians, formats))
+        groups[run.spec.name, run.settings.algorithm].append(run)
+    for names, group in groups.items():
+        lines += _rows(names, group, formats)
         if paper:
-            lines += _published(task, group, formats)
+            lines += _published(names, group, formats)
     return "\n".join([*lines, "", CORRECTED_NOTE] if again else lines)
+
+
+def _rows(
+    names: tuple[str, str], group: Sequence[StoredRun], formats: Mapping[str, str]
+) -> Iterator[str]:
+    """Yield a line for each run of an algorithm on a task, and one for the medians of those that are whole."""
+    rows = np.array([_numbers(run)[: len(formats)] for run in group])
+    for run, row in zip(group, rows, strict=True):
+        part = " (thinned)" if run.is_thinned else ""
+        yield _line(names, f"{run.settings.seed}{part}", row, formats)
+    whole = rows[[not run.is_thinned for run in group]]
+    if len(whole) > 1:
+        known = [column[~np.isnan(column)] for column in whole.T]
+        medians = [np.median(column) if len(column) else np.nan for column in known]
+        yield _line(names, "median", medians, formats)
 
 
 def elsewhere(runs: Sequence[StoredRun]) -> Iterator[str]:
@@ -103,18 +112,19 @@ def elsewhere(runs: Sequence[StoredRun]) -> Iterator[str]:
             yield f"| {run.spec.name} | {run.settings.seed} | {what} | {numbers} |"
 
 
-def _published(task: str, group: Sequence[StoredRun], formats: Mapping[str, str]) -> Iterator[str]:
-    """Yield the authors' medians on a task, a line for each of the algorithms of its runs."""
+def _published(
+    names: tuple[str, str], group: Sequence[StoredRun], formats: Mapping[str, str]
+) -> Iterator[str]:
+    """Yield a line for the authors' medians of an algorithm on a task, if they published any."""
     reached = min(run.metrics[-1].evaluations for run in group)
-    for algorithm in dict.fromkeys(run.settings.algorithm for run in group):
-        at, medians = published_at(task, algorithm, reached)
-        if medians:
-            row = [
-                at,
-                *(medians.get(name, np.nan) for name in ("coverage", "qd_score", "max_fitness")),
-            ]
-            unknown = [np.nan] * (len(formats) - len(row))
-            yield _line(task, f"authors' {algorithm}", [*row, *unknown], formats)
+    at, medians = published_at(*names, reached)
+    if medians:
+        row = [
+            at,
+            *(medians.get(name, np.nan) for name in ("coverage", "qd_score", "max_fitness")),
+        ]
+        unknown = [np.nan] * (len(formats) - len(row))
+        yield _line(names, "authors' median", [*row, *unknown], formats)
 
 
 def _numbers(run: StoredRun) -> list[float]:
@@ -127,12 +137,14 @@ def _numbers(run: StoredRun) -> list[float]:
     return [*numbers, m.fitness_difference, m.descriptor_error, m.fall_share]
 
 
-def _line(task: str, seed: str, row: Iterable[float], formats: Mapping[str, str]) -> str:
+def _line(
+    names: tuple[str, str], seed: str, row: Iterable[float], formats: Mapping[str, str]
+) -> str:
     values = [
         "-" if np.isnan(value) else how.format(value)
         for value, how in zip(row, formats.values(), strict=True)
     ]
-    return f"| {task} | {seed} | {' | '.join(values)} |"
+    return f"| {' | '.join([*names, seed, *values])} |"
 
 
 def main() -> int:
@@ -241,7 +253,7 @@ def draw_comparison(
 def draw(
     runs: list[StoredRun], folder: Path, *, single: bool = False, paper: bool = False
 ) -> list[Path]:
-    """Draw an archive and a lineage per run, and learning curves per task; returns the files.
+    """Draw an archive and a lineage per run, and learning curves of whole runs per task; returns the files.
 
     Args:
         runs: The runs.
@@ -257,8 +269,9 @@ def draw(
     for run in runs:
         files += draw_archive(run, folder, single=single) + draw_lineage(run, folder)
     for task in dict.fromkeys(run.spec.name for run in runs):
-        group = [run for run in runs if run.spec.name == task]
-        files += draw_curves(group, folder, paper=paper and task in TASKS)
+        group = [run for run in runs if run.spec.name == task and not run.is_thinned]
+        if group:
+            files += draw_curves(group, folder, paper=paper and task in TASKS)
     return files
 
 

@@ -16,18 +16,7 @@ from pga_me_ros.core.archive.heatmap import ANCHORS, draw_heatmap
 from pga_me_ros.paths import file_name
 from pga_me_ros.report.comparison import METRICS, Comparison, TaskComparison
 from pga_me_ros.report.paper import LABEL
-from pga_me_ros.report.pictures import PAPER_COLOR, draw_paper, label_axes, save
-
-LOOKS: tuple[tuple[str, LineStyleType], ...] = (
-    ("#0072b2", "-"),
-    ("#e69f00", "--"),
-    ("#009e73", "-."),
-    ("#cc79a7", ":"),
-    ("#56b4e9", (0, (5, 1))),
-    ("#d55e00", (0, (3, 1, 1, 1))),
-    ("#000000", (0, (1, 1))),
-)
-"""Color and line by place of the system: colors that the color-blind tell apart (Okabe and Ito), and lines."""
+from pga_me_ros.report.pictures import LOOKS, PAPER_COLOR, draw_paper, label_axes, legend, save
 
 PIXELS = 480
 LOWEST = 2.6
@@ -64,10 +53,7 @@ def draw_curves_compared(
         axes.set_title(task.task, fontsize=10)
     for axes in grid[-1]:
         axes.set_xlabel("evaluations")
-    handles = [
-        mpl.lines.Line2D([], [], color=color, linestyle=line, label=system)
-        for system, (color, line) in looks.items()
-    ]
+    handles = legend(looks)
     if paper:
         handles.append(
             mpl.lines.Line2D(

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import matplotlib as mpl
@@ -10,6 +11,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap, Normalize
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.typing import LineStyleType
 
 from pga_me_ros.core.archive.corrected import corrected_archive
 from pga_me_ros.core.archive.heatmap import ANCHORS, draw_heatmap
@@ -23,7 +26,17 @@ CURVES = (
     ("max_fitness", "best fitness"),
 )
 FORMATS = ("png", "svg")
-COLOR = "#28708c"
+LOOKS: tuple[tuple[str, LineStyleType], ...] = (
+    ("#0072b2", "-"),
+    ("#e69f00", "--"),
+    ("#009e73", "-."),
+    ("#cc79a7", ":"),
+    ("#56b4e9", (0, (5, 1))),
+    ("#d55e00", (0, (3, 1, 1, 1))),
+    ("#000000", (0, (1, 1))),
+)
+"""Color and line by place of the system: colors that the color-blind tell apart (Okabe and Ito), and lines."""
+
 PAPER_COLOR = "#707070"
 PIXELS = 960
 MARGIN = 0.06
@@ -76,43 +89,62 @@ def draw_archive(run: StoredRun, folder: Path, *, single: bool = False) -> list[
 
 
 def draw_curves(runs: Sequence[StoredRun], folder: Path, *, paper: bool = False) -> list[Path]:
-    """Draw learning curves of runs of one task: the median, and the quartiles if there are several.
+    """Draw learning curves of runs of one task: of each algorithm the median, and the quartiles if it has several runs.
 
     Args:
-        runs: The runs; what counts is as far as the shortest of them goes.
+        runs: The runs; what counts is as far as the shortest of an algorithm's goes.
         folder: Where to.
-        paper: Whether to draw the authors' published medians under them: those of the runs' algorithm, if they are all
-            of one, else of PGA-MAP-Elites.
+        paper: Whether to draw the authors' published medians under them: those of the runs' algorithms, or of
+            PGA-MAP-Elites if none of these was published.
 
     Returns:
         The files.
     """
     figure = Figure(figsize=(9.6, 2.9), layout="constrained")
-    length = min(len(run.metrics) for run in runs)
-    evaluations = runs[0].curve("evaluations")[:length]
+    groups: dict[str, list[StoredRun]] = defaultdict(list)
+    for run in runs:
+        groups[run.settings.algorithm].append(run)
+    looks = {name: LOOKS[i % len(LOOKS)] for i, name in enumerate(groups)}
+    published = [name for name in groups if name in SYSTEMS] or ["pga_map_elites"]
+    last = max(run.metrics[-1].evaluations for run in runs)
     for axes, (name, label) in zip(figure.subplots(1, len(CURVES)), CURVES, strict=True):
-        curves = np.stack([run.curve(name)[:length] for run in runs])
-        first, median, third = np.quantile(curves, (0.25, 0.5, 0.75), axis=0)
-        axes.plot(evaluations, median, color=COLOR)
-        if len(runs) > 1:
-            axes.fill_between(evaluations, first, third, color=COLOR, alpha=0.25, linewidth=0)
-        if paper:
-            draw_paper(axes, runs[0].spec.name, common_algorithm(runs), name, evaluations[-1])
+        for algorithm, group in groups.items():
+            _draw_curve(axes, group, name, *looks[algorithm])
+        for algorithm in published if paper else ():
+            color = looks[algorithm][0] if len(groups) > 1 else PAPER_COLOR
+            draw_paper(axes, runs[0].spec.name, algorithm, name, last, color=color)
         axes.set_xlabel("evaluations")
         axes.set_ylabel(label)
         axes.grid(alpha=0.3)
         axes.spines[["top", "right"]].set_visible(False)
-    many = f", median and quartiles of {len(runs)} runs" if len(runs) > 1 else ""
-    theirs = f"; dashed: {LABEL}, {SYSTEMS[common_algorithm(runs)]}" if paper else ""
-    figure.suptitle(f"{runs[0].spec.name}{many}{theirs}", fontsize=10)
+    if len(groups) > 1:
+        figure.legend(loc="outside lower center", ncols=len(groups), handles=legend(looks))
+    many = f", median and quartiles of {len(runs)} runs" if len(runs) > len(groups) else ""
+    theirs = ", ".join(SYSTEMS[name] for name in published)
+    figure.suptitle(
+        f"{runs[0].spec.name}{many}{f'; dots: {LABEL}, {theirs}' if paper else ''}", fontsize=10
+    )
     return save(figure, folder / f"{file_name(runs[0].spec.name)}-curves")
 
 
-def common_algorithm(runs: Sequence[StoredRun]) -> str:
-    """Return the algorithm of all runs if it is one of those that were published, else PGA-MAP-Elites."""
-    algorithms = {run.settings.algorithm for run in runs}
-    (first, *others) = algorithms
-    return first if not others and first in SYSTEMS else "pga_map_elites"
+def _draw_curve(
+    axes: Axes, runs: Sequence[StoredRun], metric: str, color: str, line: LineStyleType
+) -> None:
+    length = min(len(run.metrics) for run in runs)
+    evaluations = runs[0].curve("evaluations")[:length]
+    curves = np.stack([run.curve(metric)[:length] for run in runs])
+    first, median, third = np.quantile(curves, (0.25, 0.5, 0.75), axis=0)
+    axes.plot(evaluations, median, color=color, linestyle=line)
+    if len(runs) > 1:
+        axes.fill_between(evaluations, first, third, color=color, alpha=0.25, linewidth=0)
+
+
+def legend(looks: Mapping[str, tuple[str, LineStyleType]]) -> list[Line2D]:
+    """Return what a legend shows of lines by name."""
+    return [
+        Line2D([], [], color=color, linestyle=line, label=name)
+        for name, (color, line) in looks.items()
+    ]
 
 
 def draw_paper(

@@ -42,8 +42,8 @@ class RunOptions:
 
     run_dir: str = setting(
         "",
-        "Folder of the run; a run that it holds is resumed. Empty for runs/TASK-seedSEED, with the algorithm before the seed if "
-        "it is not pga_map_elites.",
+        "Folder of the run; a run that it holds is resumed. Empty for runs/TASK-seedSEED, with the algorithm before "
+        "the seed if it is not pga_map_elites.",
         path=True,
     )
     evaluators: int = setting(

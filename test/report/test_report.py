@@ -24,25 +24,28 @@ from pga_me_ros.report.__main__ import draw, draw_comparison, table
 from pga_me_ros.report.compared_run import ComparedRun
 from pga_me_ros.report.comparison import compare
 from pga_me_ros.report.lineage import COLORS, draw_lineage, look
-from pga_me_ros.report.pictures import draw_archive
+from pga_me_ros.report.pictures import LOOKS, draw_archive, draw_curves
 from pga_me_ros.tasks.registry import task_spec
 
 TASKS = ["qd_hopper", "qd_walker", "qd_ant"]
 
 
-def stored(folder: Path, task: str, seed: int, *, name: str = "") -> Path:
+def stored(
+    folder: Path, task: str, seed: int, algorithm: str = "pga_map_elites", *, name: str = ""
+) -> Path:
     """Store a run of three generations with made-up fitness and descriptors, perhaps of a task of another name."""
     spec = dataclasses.replace(task_spec(task), name=name or task)
     settings = Settings(
         task=task,
+        algorithm=algorithm,
         seed=seed,
         cells=100,
         cvt_samples=1000,
         controller_hidden=(4,),
         batch_size=10,
-        n_evo=5,
+        n_evo=10 if algorithm == "map_elites" else 5,
     )
-    path = folder / f"{task}-{seed}"
+    path = folder / f"{task}-{algorithm}-{seed}"
     directory = open_run(path, spec, settings)
     directory.lock.release()
     rng = np.random.default_rng(seed)
@@ -98,10 +101,10 @@ def test_operators_differ_in_color_or_mark_even_if_there_are_more() -> None:
 def test_pictures_of_one_run_are_not_empty(task: str, tmp_path: Path) -> None:
     files = draw([StoredRun.load(stored(tmp_path, task, 1))], tmp_path)
     assert [file.name for file in files] == [
-        f"{task}-1-archive.png",
-        f"{task}-1-archive.svg",
-        f"{task}-1-lineage.png",
-        f"{task}-1-lineage.svg",
+        f"{task}-pga_map_elites-1-archive.png",
+        f"{task}-pga_map_elites-1-archive.svg",
+        f"{task}-pga_map_elites-1-lineage.png",
+        f"{task}-pga_map_elites-1-lineage.svg",
         f"{task}-curves.png",
         f"{task}-curves.svg",
     ]
@@ -117,6 +120,43 @@ def test_the_table_has_every_run_and_the_median(tmp_path: Path) -> None:
     assert [line.split(" | ")[-1] for line in lines[2:6]] == [
         f"{value:,.0f} |" for value in [*best, np.median(best)]
     ]
+
+
+def test_algorithms_have_medians_and_curves_of_their_own(tmp_path: Path) -> None:
+    of = {
+        (algorithm, seed): StoredRun.load(stored(tmp_path, "qd_walker", seed, algorithm))
+        for algorithm, seed in (("pga_map_elites", 1), ("pga_map_elites", 2), ("map_elites", 1))
+    }
+    lines = table(list(of.values())).splitlines()
+    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines[2:]]
+    assert [row[1:3] for row in rows] == [
+        ["pga_map_elites", "1"],
+        ["pga_map_elites", "2"],
+        ["pga_map_elites", "median"],
+        ["map_elites", "1"],
+    ]
+    best = np.median([of["pga_map_elites", k].metrics[-1].max_fitness for k in (1, 2)])
+    assert rows[2][-1] == f"{best:,.0f}"
+    _, svg = draw_curves(list(of.values()), tmp_path)
+    drawing = svg.read_text()
+    assert all(color in drawing for color, _ in LOOKS[:2])
+    assert LOOKS[2][0] not in drawing
+    assert "<!-- map_elites -->" in drawing, "the legend names it"
+
+
+def test_a_thinned_repertoire_has_no_part_in_medians_and_curves(tmp_path: Path) -> None:
+    ready = StoredRun.load("zoo/qd_hopper")
+    young = StoredRun.load(stored(tmp_path, "qd_hopper", 1))
+    assert ready.is_thinned
+    assert not young.is_thinned
+    rows = [line.split(" | ") for line in table([ready, young]).splitlines()]
+    assert [row[2] for row in rows if len(row) > 2] == ["seed", "1 (thinned)", "1"]
+    alone, both = tmp_path / "alone", tmp_path / "both"
+    for folder, runs in ((alone, [young]), (both, [young, ready])):
+        folder.mkdir()
+        draw(runs, folder)
+    curves = "qd_hopper-curves.svg"
+    assert (both / curves).read_bytes() == (alone / curves).read_bytes()
 
 
 def test_the_same_run_gives_the_same_drawing(tmp_path: Path) -> None:

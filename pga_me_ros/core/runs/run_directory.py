@@ -68,8 +68,8 @@ class RunDirectory:
 def default_run_dir(settings: Settings) -> Path:
     """Return the default folder, which the same command always finds again.
 
-    It is ``runs/TASK-seedSEED`` for PGA-MAP-Elites and ``runs/TASK-ALGORITHM-seedSEED`` for any other algorithm, but for a
-    run of it that an earlier version put into the former.
+    It is ``runs/TASK-seedSEED`` for PGA-MAP-Elites and ``runs/TASK-ALGORITHM-seedSEED`` for any other algorithm, but
+    for a run of it that an earlier version put into the former.
     """
     task = settings.task.replace(":", ".").rsplit(".", 1)[-1]
     plain = Path("runs") / f"{task}-seed{settings.seed}"

@@ -130,6 +130,12 @@ class StoredRun:
         return complete_metrics(self.archive, self.statistics)
 
     @property
+    def is_thinned(self) -> bool:
+        """Whether it is a part of a run's elites, as `thin` keeps it, without the generations that led to them."""
+        first = self.metrics[0]
+        return len(self.metrics) == 1 and first.evaluations > sum(first.offspring)
+
+    @property
     def name(self) -> str:
         """Name of the run's folder, or of the shipped repertoire."""
         return self.file.absolute().parent.name
