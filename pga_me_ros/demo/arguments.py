@@ -11,7 +11,7 @@ from pathlib import Path
 from pga_me_ros.errors import SettingsError, nearest_name
 from pga_me_ros.paths import user_path
 
-DEFAULTS = ("algorithm:=dcrl_map_elites", "evaluations:=7680")
+DEFAULTS = ("algorithm:=dcrl_map_elites", "evaluations:=7680", "reevaluations:=3")
 """What a short run is best made with: the algorithm that learns fastest, and minutes of the hopper on two cores."""
 
 
