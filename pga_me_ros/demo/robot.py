@@ -1,6 +1,6 @@
 """A robot of the demonstration: requests gaits, runs them in simulation, and compares the result with the promise.
 
-Start it next to a run or an archive manager: ``python -m pga_me_ros.demo.robot``
+Start it next to a run or an archive manager: ``python -m pga_me_ros.demo.robot [RUN_DIR]``
 """
 
 from __future__ import annotations
@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 import sys
 from contextlib import suppress
+from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as in evaluators
 
@@ -18,6 +19,7 @@ from rclpy.node import Node
 
 from pga_me_ros.client import Behavior, BehaviorNotFoundError, RepertoireClient, RepertoireInfo
 from pga_me_ros.core.evaluation import as_evaluated, evaluation_rng
+from pga_me_ros.core.runs.run_directory import default_run_dir
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.core.storage.shipped import ZOO, shipped
 from pga_me_ros.ros.environment import prepare_environment
@@ -67,12 +69,13 @@ def show(behavior: Behavior, info: RepertoireInfo, task: Task) -> bool:
     return equal
 
 
-def ask_and_run(client: RepertoireClient, node: Node) -> int:
+def ask_and_run(client: RepertoireClient, node: Node, run_dir: str) -> int:
     """Request behaviors, run them and print the results; the last one keeps its promise.
 
     Args:
         client: Client of the repertoire that was grown.
         node: Node to ask another repertoire through.
+        run_dir: Folder of the run, empty for the default one.
 
     Returns:
         Exit code: 1 if a behavior did not achieve what was promised.
@@ -95,7 +98,7 @@ def ask_and_run(client: RepertoireClient, node: Node) -> int:
         name = show_a_steady_one(client, node, info, task)
     finally:
         task.close()
-    _print_next(name, wanted)
+    _print_next(name or run_dir or default_run_dir(Settings.from_stored(info.settings)), wanted)
     return 0 if equal else 1
 
 
@@ -150,8 +153,7 @@ def _show_promise(behavior: Behavior, info: RepertoireInfo, task: Task) -> None:
     print(f"{words}; {falls} fell, {seconds:.1f} s each")
 
 
-def _print_next(name: str, wanted: list[float]) -> None:
-    target = name or "RUN_DIR"
+def _print_next(target: str | Path, wanted: list[float]) -> None:
     words = " ".join(f"{number:.2f}" for number in wanted)
     print("to go on:")
     print(f"  ros2 run pga_me_ros archive_manager --ros-args -p repertoire:={target}")
@@ -191,7 +193,7 @@ def main() -> int:
         prepare_environment()
         rclpy.init()
         node = rclpy.create_node("demo_robot", cli_args=["--ros-args", "-r", "__node:=demo_robot"])
-        return ask_and_run(RepertoireClient(node), node)
+        return ask_and_run(RepertoireClient(node), node, sys.argv[1] if sys.argv[1:] else "")
     except (KeyboardInterrupt, ExternalShutdownException):
         return 130
     except Exception as error:

@@ -76,6 +76,9 @@ def test_a_robot_in_another_process_gets_what_was_promised(twice: Twice) -> None
     same_start = [row[3:-1] for row in rows if row[:3] == ["achieved,", "same", "start"]]
     assert len(promised) == 2
     assert promised == same_start
+    rest = twice.outputs[0].partition("to go on:")[2]
+    assert f"-p repertoire:={twice.run_dir}\n" in rest
+    assert f"render {twice.run_dir} " in rest
 
 
 @pytest.mark.slow
