@@ -14,8 +14,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.typing import LineStyleType
 
-from pga_me_ros.core.archive.corrected import corrected_archive
-from pga_me_ros.core.archive.heatmap import ANCHORS, draw_heatmap
+from pga_me_ros.core.archive.archive import Archive
+from pga_me_ros.core.archive.corrected import corrected_archive, steady_archive
+from pga_me_ros.core.archive.heatmap import ANCHORS, Image, draw_heatmap
 from pga_me_ros.core.storage.stored_run import StoredRun
 from pga_me_ros.paths import file_name
 from pga_me_ros.report.paper import LABEL, SYSTEMS, paper_curve
@@ -38,6 +39,10 @@ LOOKS: tuple[tuple[str, LineStyleType], ...] = (
 """Color and line by place of the system: colors that the color-blind tell apart (Okabe and Ito), and lines."""
 
 PAPER_COLOR = "#707070"
+HALF = 0.5
+HATCH = 9
+"""Distance of the lines of a hatching along a side of a picture, pixels."""
+
 PIXELS = 960
 MARGIN = 0.06
 """White space around a picture, inches."""
@@ -68,16 +73,17 @@ def draw_archive(run: StoredRun, folder: Path, *, single: bool = False) -> list[
     extent = (low[0], high[0], *((low[1], high[1]) if len(low) > 1 else (0.0, 1.0)))
     again = None if single else run.corrected
     archive = corrected_archive(run.archive, run.statistics) if again else run.archive
-    axes.imshow(
-        draw_heatmap(archive, PIXELS), extent=extent, aspect="auto", interpolation="nearest"
-    )
+    image = draw_heatmap(archive, PIXELS)
+    if again:
+        image = hatched(image, steady_archive(run.archive, run.statistics, HALF), archive)
+    axes.imshow(image, extent=extent, aspect="auto", interpolation="nearest")
     label_axes(axes, run.spec.descriptor_names)
     title = (
         f"{run.spec.name}: {archive.coverage} of {archive.cells} cells after "
         f"{run.metrics[-1].evaluations:,} evaluations"
     )
     if again:
-        title += f"\ncorrected by the means of {again.repeats} re-evaluations"
+        title += f"\ncorrected by the means of {again.repeats} re-evaluations; hatched: falls in more than half of them"
     axes.set_title(title, fontsize=10)
     fitness = archive.fitness[archive.filled]
     colors = LinearSegmentedColormap.from_list("fitness", np.array(ANCHORS) / 255.0)
@@ -86,6 +92,25 @@ def draw_archive(run: StoredRun, folder: Path, *, single: bool = False) -> list[
     label = "mean fitness (sum of rewards)" if again else "fitness (sum of rewards)"
     figure.colorbar(scale, ax=axes, label=label)
     return save(figure, folder / f"{run.name}-archive")
+
+
+def hatched(image: Image, steady: Archive, whole: Archive) -> Image:
+    """Return a heatmap with white lines across what is not a steady elite.
+
+    Args:
+        image: Heatmap of the whole archive.
+        steady: The archive without the others.
+        whole: The archive.
+    """
+    fitness = whole.fitness[whole.filled]
+    if not len(fitness):
+        return image
+    # Of several cells in a pixel the fittest is shown, so it is steady if leaving out the others changes nothing.
+    alone = draw_heatmap(steady, PIXELS, float(fitness.min()), float(fitness.max()))
+    rows, columns = np.indices(image.shape[:2])
+    lines = (rows + columns) % HATCH < HATCH // 3
+    marked = (image != alone).any(axis=2) & lines
+    return np.where(marked[..., None], np.uint8(255), image)
 
 
 def draw_curves(runs: Sequence[StoredRun], folder: Path, *, paper: bool = False) -> list[Path]:

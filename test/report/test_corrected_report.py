@@ -2,20 +2,27 @@
 
 from __future__ import annotations
 
+import dataclasses
 import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from pga_me_ros.core.archive.corrected import CorrectedMetrics
+from pga_me_ros.core.archive.corrected import (
+    CorrectedMetrics,
+    corrected_archive,
+    corrected_owners,
+    steady_archive,
+)
+from pga_me_ros.core.archive.heatmap import draw_heatmap
 from pga_me_ros.core.storage.reevaluations import Reevaluations, RepeatOutcome
 from pga_me_ros.core.storage.stored_run import StoredRun
 from pga_me_ros.report.__main__ import elsewhere, table
 from pga_me_ros.report.compared_run import ComparedRun
 from pga_me_ros.report.comparison import compare
 from pga_me_ros.report.comparison_table import comparison_table
-from pga_me_ros.report.pictures import draw_archive
+from pga_me_ros.report.pictures import PIXELS, draw_archive, hatched
 
 REPEATS = 4
 
@@ -86,6 +93,38 @@ def test_the_archive_is_drawn_corrected_unless_asked_otherwise(
     assert "mean fitness (sum of rewards)" in drawings[False]
     assert "corrected" not in drawings[True]
     assert drawings[False] != drawings[True]
+
+
+def test_what_falls_is_hatched(hopper_run: Path, tmp_path: Path) -> None:
+    folder = Path(shutil.copytree(hopper_run, tmp_path / "again"))
+    run = StoredRun.load(folder)
+    fate = [
+        dataclasses.replace(outcome, terminated=outcome.evaluation % 2 == 0)
+        for outcome in outcomes(run, 3.0)
+    ]
+    Reevaluations.none(run.info.run_id, 1).with_more(fate).save(run.file)
+    again = StoredRun.load(folder)
+    archive = corrected_archive(again.archive, again.statistics)
+    steady = steady_archive(again.archive, again.statistics, 0.5)
+    owners = corrected_owners(again.archive, again.statistics)
+    falls = again.statistics.fall_share[owners[archive.filled]] > 0.5
+    assert 0 < np.count_nonzero(falls) < len(falls)
+    assert list(steady.filled_cells()) == list(archive.filled_cells()[~falls])
+    image = draw_heatmap(archive, PIXELS)
+    picture = hatched(image, steady, archive)
+    changed = (picture != image).any(axis=2)
+    assert (picture[changed] == 255).all()
+    shown = np.linspace(0.0, 1.0, PIXELS, endpoint=False) + 0.5 / PIXELS
+    cells = archive.cell_of(shown[:, None])
+    hatch = changed.any(axis=0)
+    sure = [
+        k
+        for k in range(1, PIXELS - 1)
+        if archive.filled[cells[k]] and cells[k - 1] == cells[k] == cells[k + 1]
+    ]
+    assert sure
+    for k in sure:
+        assert hatch[k] != steady.filled[cells[k]], "a pixel well inside a cell"
 
 
 def test_a_comparison_has_corrected_columns_of_the_last_generation(again: StoredRun) -> None:

@@ -111,6 +111,24 @@ def corrected_archive(archive: Archive, known: Statistics) -> Archive:
     return view
 
 
+def steady_archive(archive: Archive, known: Statistics, most: float) -> Archive:
+    """Return the corrected archive without the elites that fall often.
+
+    Args:
+        archive: The archive.
+        known: Re-evaluations of its elites.
+        most: Greatest share of its re-evaluations in which an elite that stays may fall.
+
+    Returns:
+        A view as that of `corrected_archive`.
+    """
+    owners = corrected_owners(archive, known)
+    view = corrected_archive(archive, known)
+    view.filled = view.filled & (known.fall_share[owners] <= most)
+    view.fitness = np.where(view.filled, view.fitness, np.nan)
+    return view
+
+
 def corrected_metrics(archive: Archive, known: Statistics) -> CorrectedMetrics | None:
     """Return the measures of an archive's elites.
 
