@@ -3,14 +3,16 @@
 Grows a repertoire of neural-network gaits that differ in how they use the robot's feet (Nilsson &
 Cully 2021, "Policy Gradient Assisted MAP-Elites"), and offers it to other nodes.
 
-The names below are loaded on first use: ``import pga_me_ros`` itself loads no other package. `pga_me_ros.client` has
-what another robot's node needs.
+The names below are loaded on first use: ``import pga_me_ros`` itself loads nothing but the standard library.
+`pga_me_ros.client` has what another robot's node needs.
 """
 
 from __future__ import annotations
 
 import importlib
 from typing import TYPE_CHECKING, Any
+
+from pga_me_ros.process.early_signals import end_on_early_signals, is_own_program
 
 if TYPE_CHECKING:
     from pga_me_ros.core.algorithms import ALGORITHMS
@@ -40,6 +42,10 @@ _MODULES = {
     "make_task": "tasks.registry",
     "save_run": "library",
 }
+
+
+if is_own_program():
+    end_on_early_signals()
 
 
 def __getattr__(name: str) -> Any:

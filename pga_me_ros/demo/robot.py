@@ -22,6 +22,7 @@ from pga_me_ros.core.evaluation import as_evaluated, evaluation_rng
 from pga_me_ros.core.runs.run_directory import default_run_dir
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.core.storage.shipped import ZOO, shipped
+from pga_me_ros.process.early_signals import hand_over
 from pga_me_ros.ros.environment import prepare_environment
 from pga_me_ros.ros.process import report
 from pga_me_ros.tasks.protocol import Task
@@ -189,16 +190,19 @@ def _row(what: str, fitness: float, descriptor: np.ndarray) -> str:
 
 def main() -> int:
     """Run the robot once."""
+    started = False
     try:
         prepare_environment()
+        hand_over()
         rclpy.init()
+        started = True
         node = rclpy.create_node("demo_robot", cli_args=["--ros-args", "-r", "__node:=demo_robot"])
         return ask_and_run(RepertoireClient(node), node, sys.argv[1] if sys.argv[1:] else "")
     except (KeyboardInterrupt, ExternalShutdownException):
-        return 130
+        return 0
     except Exception as error:
         # Ctrl-C ends ROS 2 first; failures after that are a consequence.
-        return report(error) if rclpy.ok() else 130
+        return 0 if started and not rclpy.ok() else report(error)
     finally:
         rclpy.try_shutdown()
 

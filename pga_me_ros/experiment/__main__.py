@@ -33,8 +33,8 @@ def main(args: Sequence[str] | None = None) -> int:
         args: Command line without the program's name, None for that of this process.
 
     Returns:
-        Exit status: 0 if every run is finished, 1 if some failed, 2 if it cannot start, 128 + the signal's number if
-        one ended it.
+        Exit status: 0 if every run is finished or a signal stopped it, 1 if some failed, 2 if it cannot start, 128 +
+        the number of a second signal that ended it.
     """
     options = _parser().parse_args(args)
     code = 0
@@ -87,7 +87,7 @@ def _run(cells: Sequence[Cell], folder: Path, jobs: int, cores: int) -> int:
         terminal.say(f"failed: {failure}")
     if signals.received:
         terminal.say(f"stopped: {of} in {folder} are finished; the same command resumes")
-        return signals.exit_code
+        return signals.exit_code or (EXIT_FAILURES if matrix.failures else 0)
     if matrix.failures:
         terminal.say(f"{of} in {folder} are finished; the same command retries the others")
         return EXIT_FAILURES

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from pga_me_msgs.msg import Elites
+from pga_me_msgs.msg import Elites, Progress
 from pga_me_msgs.msg import Metrics as MetricsMsg
 from pga_me_msgs.srv import AddToArchive, Extract, SampleParents
 
@@ -41,6 +41,9 @@ STATUS = {status: getattr(AddToArchive.Request, status.name) for status in Statu
 
 LOOK_PERIOD = 1.0
 """Seconds between two looks at whether the elites were evaluated again."""
+
+GROWING = ("starting", "running", "paused")
+"""States of a run in which it adds to the repertoire, or will."""
 
 OTHER_NAME = "Stop that node, or give this one a namespace (--ros-args -r __ns:=/NAME) or another ROS_DOMAIN_ID."
 """What the user can do if another archive manager has the name."""
@@ -89,6 +92,7 @@ class ArchiveManager(GraphNode):
         if self._grow:
             self._table.rebuild(generations, stored_measures(path, self._info.run_id, dimensions))
             self._elites_topic = self.create_publisher(Elites, names.ELITES, qos.ELITES)
+            self.create_subscription(Progress, names.PROGRESS, self._hear, qos.LATCHED)
             self.serve(AddToArchive, names.ADD_TO_ARCHIVE, self._add)
             self.serve(SampleParents, names.SAMPLE_PARENTS, self._sample)
             self.serve(Extract, names.EXTRACT, self._extract)
@@ -261,6 +265,11 @@ class ArchiveManager(GraphNode):
         self._elites_topic.publish(
             elites_to_msg(self._archive, self._info.run_id, self._last_generation, cells)
         )
+
+    def _hear(self, progress: Progress) -> None:
+        """Note whether the run still adds to the repertoire, or has reached its end."""
+        if progress.run_id == self._info.run_id:
+            self._readers.growing = progress.state in GROWING
 
     def _greet(self, words: str) -> None:
         """Say once what is served."""

@@ -37,7 +37,7 @@ def main() -> int:
             code = lead_until_told(control, signals)
         return faults[0] if faults else code
     except KeyboardInterrupt:
-        return 128 + signal.SIGINT
+        return 0
     except BrokenPipeError:  # the reader of our output has exited, as in `| head`
         let_go(sys.stdout)
         return 128 + signal.SIGPIPE

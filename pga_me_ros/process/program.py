@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import signal
 import sys
-from collections.abc import Callable
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from types import FrameType
 
 from pga_me_ros.errors import PgaError
+from pga_me_ros.process.early_signals import hand_over
 from pga_me_ros.process.streams import let_go, open_standard_streams, settle, tell
 
 
@@ -15,18 +19,19 @@ def run_program(work: Callable[[], None], stopped: str = "stopped") -> int:
 
     Args:
         work: Does the work and prints its outcome.
-        stopped: What to print after Ctrl-C.
+        stopped: What to print after Ctrl-C or SIGTERM.
 
     Returns:
-        Exit status: 0; 2 if the work could not be done; 130 after Ctrl-C.
+        Exit status: 0, also after Ctrl-C or SIGTERM; 2 if the work could not be done.
     """
     open_standard_streams()
+    hand_over()
     try:
-        work()
+        with _ended_by_sigterm():
+            work()
         sys.stdout.flush()
     except KeyboardInterrupt:
         tell(stopped, sys.stderr)
-        return 128 + signal.SIGINT
     except BrokenPipeError:  # the reader, such as `head`, has exited
         let_go(sys.stdout)
     except (PgaError, OSError) as error:
@@ -34,3 +39,23 @@ def run_program(work: Callable[[], None], stopped: str = "stopped") -> int:
         tell(f"error: {error}", sys.stderr)
         return 2
     return 0
+
+
+@contextmanager
+def _ended_by_sigterm() -> Iterator[None]:
+    """Let SIGTERM end a block like Ctrl-C; a second one ends the process at once."""
+
+    def interrupt(number: int, _: FrameType | None) -> None:
+        signal.signal(number, signal.SIG_DFL)
+        raise KeyboardInterrupt
+
+    if threading.current_thread() is not threading.main_thread() or (
+        signal.getsignal(signal.SIGTERM) != signal.SIG_DFL
+    ):
+        yield
+        return
+    signal.signal(signal.SIGTERM, interrupt)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)

@@ -44,8 +44,8 @@ class Signals:
 
     @property
     def exit_code(self) -> int:
-        """The exit code that shells expect of a program that a signal ended; 0 for none."""
-        return 128 + self.received if self.received else 0
+        """0 after an orderly end; after a second signal, the code that shells expect of a program that it ended."""
+        return 128 + self.received if self.impatient else 0
 
     def wait(self, seconds: float) -> None:
         """Wait; end early if a signal comes or has come since the last wait."""

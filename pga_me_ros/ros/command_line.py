@@ -17,6 +17,7 @@ from rclpy.logging import LoggingSeverity, get_logger_level, set_logger_level
 
 from pga_me_ros.errors import SettingsError, nearest_name
 from pga_me_ros.paths import expanded
+from pga_me_ros.process.early_signals import hand_over
 from pga_me_ros.process.streams import tell
 from pga_me_ros.ros.environment import prepare_environment
 from pga_me_ros.ros.memory import set_malloc_limits
@@ -76,6 +77,8 @@ def start(program: Program, args: Sequence[str] | None = None, **options: Any) -
     check(program, args)
     prepare_environment()
     set_malloc_limits()
+    if "signal_handler_options" not in options:  # otherwise the caller handles signals itself
+        hand_over()
     try:
         # What rcl logs about bad arguments is also in its error, which is turned into a readable message.
         set_logger_level("rcl", LoggingSeverity.FATAL)

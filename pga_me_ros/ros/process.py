@@ -33,18 +33,20 @@ def run_node(
         Exit code: 0 after a shutdown, 2 for bad input, 1 for a fault.
     """
     node: EndingNode | None = None
-    running = False
+    started = running = False
     try:
         if not start(program, args):
             return 0
+        started = True
         node = make()
         running = True
         spin(node)
     except (KeyboardInterrupt, ExternalShutdownException):
         return 0
     except Exception as error:
-        if running and isinstance(error, RCLError) and not rclpy.ok():
-            return 0  # a signal shut ROS 2 down in the middle of some work
+        due_to_signal = started and not rclpy.ok() and not isinstance(error, PgaError)
+        if due_to_signal and (isinstance(error, RCLError) or not running):
+            return 0  # ROS 2 was shut down in the middle of some work
         return report(error, starting=not running)
     finally:
         if node is not None:

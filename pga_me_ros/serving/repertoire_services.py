@@ -38,20 +38,21 @@ class RepertoireServices:
         node: Node that offers them.
         info: Description of the run in the repertoire file.
         archive: The archive; replace the attribute when it is another object.
-        growing: Whether a run adds to it.
+        grow: Whether it was opened for a run that adds to it.
         path: The repertoire file.
 
     Attributes:
+        growing: Whether the run still adds to it, for get_info; to be replaced when the run ends.
         metrics: Newest metrics, for get_info; to be replaced when the archive has changed.
     """
 
     def __init__(
-        self, node: GraphNode, info: RunInfo, archive: Archive, growing: bool, path: Path
+        self, node: GraphNode, info: RunInfo, archive: Archive, grow: bool, path: Path
     ) -> None:
         self.archive = archive
         self._node = node
         self._info = info
-        self._growing = growing
+        self._grow = self.growing = grow
         self._known = KnownStatistics(path, info.run_id, archive.dimensions)
         self._spec = TaskSpec.from_json(info.task)
         self._shape = MlpShape(tuple(info.layer_sizes))
@@ -66,7 +67,7 @@ class RepertoireServices:
 
     def measures(self, generation: int) -> CorrectedMetrics | None:
         """Return what the archive after a generation is worth by re-evaluations, None while it is not known."""
-        return self._known.measures(self.archive, generation, growing=self._growing)
+        return self._known.measures(self.archive, generation, growing=self._grow)
 
     def in_words(self, name: str) -> str:
         """Return what is served, and what is known of it.
@@ -190,5 +191,5 @@ class RepertoireServices:
         response.metrics = self.metrics
         response.settings = json.dumps(dict(self._info.settings))
         response.versions = json.dumps(dict(self._info.versions))
-        response.growing = self._growing
+        response.growing = self.growing
         return response

@@ -14,7 +14,7 @@ import pytest
 from domain_coordinator import domain_id
 from graph import Graph, Probe, Started, wait_until
 from pga_me_msgs.msg import Metrics, Progress
-from pga_me_msgs.srv import GetBehavior
+from pga_me_msgs.srv import GetBehavior, GetInfo
 from reference import evaluations_of, run_digest, search_digest
 
 from pga_me_ros.core.evaluation import reevaluation_rng
@@ -41,6 +41,7 @@ class Run:
     progress: list[Progress] = field(default_factory=list)
     metrics: list[Metrics] = field(default_factory=list)
     best: Any = None
+    growing: bool = True
 
 
 @pytest.fixture(scope="module")
@@ -59,6 +60,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Run]:
                 return bool(heard) and heard[-1].final_reevaluations > 0
 
             wait_until(under_way, "the first re-evaluations")
+            growing = _is_growing(probe)
             interrupted.signal(signal.SIGINT)
             interrupted.wait()
             left = len(rows_of(run_dir).fitness)
@@ -70,10 +72,19 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Run]:
             best = probe.call(GetBehavior, names.GET_BEHAVIOR, select=GetBehavior.Request.BEST)
             finished.signal(signal.SIGINT)
             finished.wait()
-            yield Run(run_dir, interrupted, finished, left, heard, metrics, best)
+            yield Run(run_dir, interrupted, finished, left, heard, metrics, best, growing)
         finally:
             probe.close()
             graph.kill()
+
+
+def _is_growing(probe: Probe) -> bool:
+    """Return what get_info says, after it had time to hear of the run's state."""
+    return all(probe.call(GetInfo, names.GET_INFO).growing for _ in range(20))
+
+
+def test_a_repertoire_no_longer_grows_while_it_is_evaluated_again(run: Run) -> None:
+    assert not run.growing
 
 
 def rows_of(run_dir: Path) -> Reevaluations:
@@ -88,7 +99,7 @@ def test_the_repertoire_is_the_same_as_without(run: Run) -> None:
 
 
 def test_what_was_done_before_a_stop_is_kept_and_the_rest_is_done(run: Run) -> None:
-    assert run.interrupted.process.returncode == 130
+    assert run.interrupted.process.returncode == 0
     assert "the same command resumes" in run.interrupted.output
     stored = StoredRun.load(run.folder)
     elites = stored.archive.coverage

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 from graph import TINY, Graph, Probe, ros_arguments, wait_until
 from pga_me_msgs.msg import Progress
+from pga_me_msgs.srv import GetInfo
 from processes import kill_child
 from screen import Terminal
 from std_srvs.srv import Trigger
@@ -48,6 +49,7 @@ def test_the_topic_reports_pause_and_stop(graph: Graph, probe: Probe, tmp_path: 
     run = graph.run(tmp_path / "run", evaluations=ENDLESS)
     for service, state in {"pause": "paused", "resume": "running", "stop": "stopping"}.items():
         wait_until(lambda: bool(heard) and heard[-1].generation >= 0, "a generation")
+        assert probe.call(GetInfo, names.GET_INFO).growing
         assert probe.call(Trigger, f"/orchestrator/{service}").success
         wait_until(lambda state=state: heard[-1].state == state, state)
     assert run.wait() == 0, run.output

@@ -40,7 +40,7 @@ def test_a_signal_ends_a_wait_and_counts_as_the_first() -> None:
     )
     assert line(process) == "ready"
     process.send_signal(signal.SIGTERM)
-    assert [line(process), line(process)] == ["first 15", "15 False 143"]
+    assert [line(process), line(process)] == ["first 15", "15 False 0"]
     process.send_signal(signal.SIGINT)
     assert [line(process), line(process)] == ["later 2", "15 True 143"]
     assert process.wait() == 0
