@@ -6,7 +6,6 @@ from contextlib import suppress
 import rclpy
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
-from rclpy.task import Future
 from std_msgs.msg import Float32MultiArray
 
 from pga_me_ros.client import Behavior, RepertoireClient
@@ -15,17 +14,11 @@ from pga_me_ros.client import Behavior, RepertoireClient
 class Robot(Node):
     """Runs one gait."""
 
-    def __init__(self, wanted: list[float]) -> None:
+    def __init__(self) -> None:
         super().__init__("robot")
         self.behavior: Behavior | None = None
         self.actions = self.create_publisher(Float32MultiArray, "actions", 1)
         self.create_subscription(Float32MultiArray, "observations", self.act, 1)
-        RepertoireClient(self).get_behavior_async(descriptor=wanted).add_done_callback(self.begin)
-
-    def begin(self, answer: Future) -> None:
-        """Receive the gait."""
-        self.behavior = answer.result()  # raises if none was found, or nobody answered
-        print(f"fitness {self.behavior.fitness:.1f}, descriptor {self.behavior.descriptor}")
 
     def act(self, observation: Float32MultiArray) -> None:
         """Answer an observation with an action."""
@@ -36,4 +29,13 @@ class Robot(Node):
 
 rclpy.init()
 with suppress(KeyboardInterrupt, ExternalShutdownException):
-    rclpy.spin(Robot([float(x) for x in sys.argv[1:]]))
+    robot = Robot()
+    try:
+        wanted = [float(word) for word in sys.argv[1:]]
+        robot.behavior = RepertoireClient(robot).get_behavior(descriptor=wanted)
+    except ValueError as error:  # no number; or a PgaError: no such gait, or nobody answered
+        sys.exit(f"error: {error}")
+    print(
+        f"fitness {robot.behavior.fitness:.1f}, descriptor {robot.behavior.descriptor}", flush=True
+    )
+    rclpy.spin(robot)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -16,6 +17,7 @@ from pga_me_ros.experiment.matrix import Matrix
 from pga_me_ros.experiment.plan import COPY, Cell
 from pga_me_ros.experiment.stored_cell import evaluations_so_far, require_own_run
 from pga_me_ros.paths import user_path
+from pga_me_ros.process.command_words import positionals_first
 from pga_me_ros.process.program import run_program
 from pga_me_ros.process.signals import Signals
 from pga_me_ros.process.terminal import Terminal
@@ -36,7 +38,8 @@ def main(args: Sequence[str] | None = None) -> int:
         Exit status: 0 if every run is finished or a signal stopped it, 1 if some failed, 2 if it cannot start, 128 +
         the number of a second signal that ended it.
     """
-    options = _parser().parse_args(args)
+    words = sys.argv[1:] if args is None else args
+    options = _parser().parse_args(positionals_first(words, "--cell", _may_be_cell))
     code = 0
 
     def work() -> None:
@@ -121,6 +124,10 @@ def _keep_copy(file: Path, folder: Path) -> None:
     with explained(copy):
         if not copy.exists() or copy.read_bytes() != content:
             replace_file(copy, content, shared=True)  # cells that start in parallel all do this
+
+
+def _may_be_cell(word: str) -> bool:
+    return not word.endswith((".yaml", ".yml"))
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -22,10 +22,11 @@ from pga_me_ros.core.settings import Settings
 from pga_me_ros.errors import TaskError
 from pga_me_ros.player.body_reader import BodyReader
 from pga_me_ros.player.display import require_display
+from pga_me_ros.player.gait import Gait
 from pga_me_ros.player.messages import RobotMessages, stamp_of
 from pga_me_ros.player.model import RobotModel, RobotState
 from pga_me_ros.player.pace import Pace
-from pga_me_ros.player.promise import average, is_kept, kept
+from pga_me_ros.player.promise import average, is_kept, kept, lasted
 from pga_me_ros.player.settings import PlayerSettings, wanted
 from pga_me_ros.player.source import Served, Source, Stored
 from pga_me_ros.player.urdf import urdf
@@ -68,6 +69,8 @@ class BehaviorPlayer(GraphNode):
             String, names.ROBOT_DESCRIPTION, qos.LATCHED
         )
         self._steps = 0
+        self._playing = -1
+        self._told: tuple[int, float] | None = None
         self._messages: RobotMessages | None = None
         self._window: Window | None = None
         self._player = threading.Thread(target=self._play, name="player")
@@ -132,13 +135,7 @@ class BehaviorPlayer(GraphNode):
 
     def _play_episode(self, source: Source, task: Task, episode: int) -> None:
         gait = source.choose(self._wanted)
-        numbers = ", ".join(f"{x:.3f}" for x in gait.promised_descriptor)
-        asked = "descriptor" in self._wanted
-        self.get_logger().info(
-            f"{task.spec.name}: playing cell {gait.cell}, descriptor [{numbers}]"
-            + (f", {gait.distance:.3f} from the wanted one" if asked else "")
-            + (f"; {average(gait)}" if gait.by_mean else "")
-        )
+        self._tell_of(gait, task)
         period = task.spec.control_period
 
         def look(step: int, reader: BodyReader) -> None:
@@ -163,10 +160,15 @@ class BehaviorPlayer(GraphNode):
         done = watched_rollout(task, act, rng, look)
         self.count_done()
         factor = done.length * period / max(self._pace.elapsed(), 1e-9)
-        outcome = (
-            f"{kept(gait, done, fresh=fresh)}; {done.length} steps at {factor:.2f} x real time"
+        text = (
+            f"episode {episode + 1}: {kept(gait, done, fresh=fresh)}; {lasted(done, period)} at {factor:.2f} x real "
+            "time"
         )
-        text = f"episode {episode + 1}: {outcome}"
+        if (told := (gait.evaluation, done.fitness)) == self._told:
+            return  # the same once more
+        self._told = told
+        if not fresh and self._values["episodes"] == 0 and "random" not in self._wanted:
+            text += "; repeated until Ctrl-C"
         # Where solutions are evaluated again, what is stored are means of several evaluations.
         if fresh or is_kept(gait, done) or s.extracted:
             self.get_logger().info(text)
@@ -174,6 +176,19 @@ class BehaviorPlayer(GraphNode):
             self.get_logger().warning(
                 f"{text}; the repertoire comes from other libraries or another kind of machine"
             )
+
+    def _tell_of(self, gait: Gait, task: Task) -> None:
+        """Say which gait is played, unless it is the one of the last episode."""
+        if gait.evaluation == self._playing:
+            return
+        self._playing = gait.evaluation
+        numbers = ", ".join(f"{x:.3f}" for x in gait.promised_descriptor)
+        asked = "descriptor" in self._wanted
+        self.get_logger().info(
+            f"{task.spec.name}: playing cell {gait.cell}, descriptor [{numbers}]"
+            + (f", {gait.distance:.3f} from the wanted one" if asked else "")
+            + (f"; {average(gait)}" if gait.by_mean else "")
+        )
 
     def _publish(self, model: RobotModel, state: RobotState, period: float) -> None:
         """Publish the robot's present state."""

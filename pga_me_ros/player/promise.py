@@ -29,12 +29,25 @@ def kept(gait: Gait, episode: Episode, *, fresh: bool = False) -> str:
     if fresh and gait.by_mean:
         away = float(np.linalg.norm(episode.descriptor - gait.promised_descriptor))
         return (
-            f"achieved {achieved}{', fell' if episode.terminated else ''}; promised {average(gait)}: fitness "
+            f"achieved {achieved}; promised {average(gait)}: fitness "
             f"{episode.fitness - gait.promised_fitness:+.2f}, descriptor {away:.3f} away"
         )
     promised = _words(gait.fitness, gait.descriptor)
     verdict = "equal" if is_kept(gait, episode) else "different"
     return f"achieved {achieved}; promised {promised}: {verdict}"
+
+
+def lasted(episode: Episode, period: float) -> str:
+    """Return how long an episode went on, and whether it ended by itself.
+
+    Args:
+        episode: The episode.
+        period: Control period, s.
+    """
+    seconds = episode.length * period
+    if episode.terminated:
+        return f"fell after {seconds:.1f} s"
+    return f"went on for {seconds:.1f} s, until the time was up"
 
 
 def average(gait: Gait) -> str:

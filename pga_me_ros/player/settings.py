@@ -42,7 +42,7 @@ class PlayerSettings:
         "Folder of a run, or its repertoire file, to take the gait from; empty asks the node that serves a repertoire.",
         path=True,
     )
-    episodes: int = setting(1, "Episodes to play; 0 plays until stopped.", low=0, high=INT64_MAX)
+    episodes: int = setting(0, "Episodes to play; 0 plays until stopped.", low=0, high=INT64_MAX)
     start: str = setting(
         "evaluated",
         "Initial pose: 'evaluated' is that of the evaluation, which is repeated bit for bit; 'fresh' is another one in "

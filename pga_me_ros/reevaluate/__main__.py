@@ -30,6 +30,9 @@ from pga_me_ros.tasks.registry import randomization_option, task_spec
 PIECE = 10
 """Repeats of one elite that a process does at a time."""
 
+LINE_PERIOD = 5.0
+"""Seconds between two lines of progress where standard error is no terminal."""
+
 SAVE_PERIOD = 10.0
 """Seconds between two writes of what was found so far."""
 
@@ -185,16 +188,17 @@ def _carry_out(
         info.settings["seed"],
         processes or os.cpu_count() or 1,
     )
+    progress = _Progress(total)
     try:
         for outcomes in results:
             work.take(outcomes)
             done += len(outcomes)
-            _show(f"\r{done} of {total} evaluations")
+            progress.show(done)
             if time.monotonic() > saved + SAVE_PERIOD:
                 work.save()
                 saved = time.monotonic()
     finally:
-        _show("\n" if done else "")
+        progress.close()
         results.close()
         work.save()
 
@@ -211,10 +215,32 @@ def _jobs(chosen: dict[int, Float32Array], missing: list[tuple[int, int]]) -> li
     ]
 
 
-def _show(text: str) -> None:
-    """Show progress on a terminal."""
-    if sys.stderr.isatty():
-        tell(text, sys.stderr, end="")
+class _Progress:
+    """Progress on standard error: in place on a terminal, otherwise a line now and then.
+
+    Args:
+        total: Number of evaluations to do.
+    """
+
+    def __init__(self, total: int) -> None:
+        self._total = total
+        self._in_place = sys.stderr.isatty()
+        self._due = -math.inf
+        self.show(0)
+
+    def show(self, done: int) -> None:
+        """Show how many evaluations are done."""
+        text = f"{done} of {self._total} evaluations"
+        if self._in_place:
+            tell(f"\r{text}", sys.stderr, end="")
+        elif done == self._total or time.monotonic() >= self._due:
+            tell(text, sys.stderr)
+            self._due = time.monotonic() + LINE_PERIOD
+
+    def close(self) -> None:
+        """Leave the line."""
+        if self._in_place:
+            tell("", sys.stderr)
 
 
 def _parser() -> argparse.ArgumentParser:

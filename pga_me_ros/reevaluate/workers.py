@@ -95,8 +95,7 @@ def _evaluate(job: Job, world: SimulatedWorld, shape: MlpShape, seed: int) -> li
     # Made in the first job, not in _begin: what is wrong with a task then comes back as its own error.
     global _evaluator
     if _evaluator is None:
-        with _without_greeting():
-            _evaluator = Evaluator(world, shape, seed)
+        _evaluator = Evaluator(world, shape, seed)
     return _evaluator.evaluate(job)
 
 
@@ -142,19 +141,6 @@ def _results(
         running |= {pool.submit(call) for call in islice(calls, len(done))}
         for future in done:
             yield future.result()
-
-
-@contextlib.contextmanager
-def _without_greeting() -> Iterator[None]:
-    """Keep what PyBullet prints when it is loaded out of the parent's standard error."""
-    kept, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
-    os.dup2(nowhere, 2)
-    try:
-        yield
-    finally:
-        os.dup2(kept, 2)
-        os.close(kept)
-        os.close(nowhere)
 
 
 @contextlib.contextmanager

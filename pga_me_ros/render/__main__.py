@@ -16,8 +16,9 @@ from pga_me_ros.core.storage.stored_run import StoredBehavior, StoredRun
 from pga_me_ros.errors import RequestError, StorageError
 from pga_me_ros.paths import user_path
 from pga_me_ros.player.gait import Gait
-from pga_me_ros.player.promise import kept
+from pga_me_ros.player.promise import kept, lasted
 from pga_me_ros.player.watched_rollout import Recording
+from pga_me_ros.process.command_words import is_number, positionals_first
 from pga_me_ros.process.program import run_program
 from pga_me_ros.render.behavior_gif import (
     GifOptions,
@@ -46,7 +47,8 @@ def main(args: Sequence[str] | None = None) -> int:
     Returns:
         Exit status, as for `run_program`.
     """
-    asked = _parser().parse_args(args)
+    words = sys.argv[1:] if args is None else args
+    asked = _parser().parse_args(positionals_first(words, "--descriptor", is_number))
     return run_program(lambda: print(render(asked)))
 
 
@@ -92,7 +94,7 @@ def _draw_animation(asked: argparse.Namespace, run: StoredRun, task: Task, out: 
         single=asked.single,
     )
     episode = draw_gif(task, run.settings, gait, out, _options(asked))
-    _tell(gait, episode, asked.seed)
+    _tell(gait, episode, asked.seed, task.spec.control_period)
 
 
 def _draw_gallery(asked: argparse.Namespace, run: StoredRun, task: Task, out: Path) -> None:
@@ -100,7 +102,7 @@ def _draw_gallery(asked: argparse.Namespace, run: StoredRun, task: Task, out: Pa
     columns = asked.columns or SIDE_BY_SIDE
     episodes = draw_gallery(task, run.settings, gaits, out, _options(asked), columns)
     for gait, episode in zip(gaits, episodes, strict=True):
-        _tell(gait, episode, asked.seed)
+        _tell(gait, episode, asked.seed, task.spec.control_period)
 
 
 def _options(asked: argparse.Namespace) -> GifOptions:
@@ -137,12 +139,13 @@ def _draw_sheet(asked: argparse.Namespace, run: StoredRun, task: Task, out: Path
 def _recorded(run: StoredRun, task: Task, gait: Gait, seed: int | None) -> Recording:
     """Run a gait's evaluation again, or another episode of it, and say how the result compares."""
     recording = evaluated_again(task, run.settings, gait, 1, seed)
-    _tell(gait, recording.episode, seed)
+    _tell(gait, recording.episode, seed, task.spec.control_period)
     return recording
 
 
-def _tell(gait: Gait, episode: Episode, seed: int | None) -> None:
-    print(f"cell {gait.cell}: {kept(gait, episode, fresh=seed is not None)}", file=sys.stderr)
+def _tell(gait: Gait, episode: Episode, seed: int | None, period: float) -> None:
+    told = f"{kept(gait, episode, fresh=seed is not None)}; {lasted(episode, period)}"
+    print(f"cell {gait.cell}: {told}", file=sys.stderr)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -150,7 +153,9 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("run", type=user_path, help="folder of a run, or its repertoire file")
     which = parser.add_mutually_exclusive_group()
     which.add_argument("--best", action="store_true", help="draw the fittest gait (the default)")
-    which.add_argument("--descriptor", type=float, nargs="+", help="draw the nearest gait")
+    which.add_argument(
+        "--descriptor", type=float, nargs="+", metavar="X", help="draw the nearest gait"
+    )
     which.add_argument("--cell", type=int, help="draw the gait of a cell")
     which.add_argument("--random", action="store_true", help="draw any gait")
     which.add_argument(

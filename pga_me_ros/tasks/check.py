@@ -6,6 +6,7 @@ status is 1 if there are any.
 
 from __future__ import annotations
 
+import argparse
 import sys
 from collections.abc import Callable
 from functools import partial
@@ -241,13 +242,18 @@ def _rng(seed: int) -> np.random.Generator:
 
 def main(arguments: list[str]) -> int:
     """Check the tasks named on the command line and print what is wrong with them."""
-    if not arguments:
-        print(
-            "usage: python -m pga_me_ros.tasks.check TASK ...  (built-in name or module.path:Class)"
-        )
-        return 2
+    parser = argparse.ArgumentParser(
+        prog="python -m pga_me_ros.tasks.check",
+        description="Check that tasks follow the task protocol, and print what is wrong with each.",
+    )
+    parser.add_argument(
+        "tasks",
+        nargs="+",
+        metavar="TASK",
+        help="a built-in name such as qd_hopper, module.path:Class, or gymnasium:ID",
+    )
     status = 0
-    for name in arguments:
+    for name in parser.parse_args(arguments).tasks:
         try:
             findings = check_task(load_task(name))
         except TaskError as error:

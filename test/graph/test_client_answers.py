@@ -88,3 +88,21 @@ def test_the_example_finds_a_gait_and_acts(repertoire: Served) -> None:
     wait_until(acted, "an action")
     robot.signal(signal.SIGINT)
     assert (robot.wait(), len(heard[0].data)) == (0, 6)
+
+
+@pytest.mark.parametrize(
+    ("words", "reason"),
+    [
+        (["0.9"], "error: The descriptor has 1 entries; this repertoire's has 2"),
+        (["0.9", "high"], "error: could not convert string to float: 'high'"),
+    ],
+)
+def test_the_example_ends_with_the_reason_if_there_is_no_gait(
+    repertoire: Served, words: list[str], reason: str
+) -> None:
+    example = Path(__file__).resolve().parents[2] / "examples" / "query_behavior.py"
+    robot = repertoire.graph.launch([sys.executable, str(example), *words])
+    assert robot.wait() == 1, robot.output
+    assert reason in robot.output
+    assert "Traceback" not in robot.output
+    assert "Unhandled" not in robot.output

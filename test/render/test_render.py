@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -117,7 +118,7 @@ def test_a_gif_shows_the_robot_moving_and_well_in_the_picture(
 ) -> None:
     out = tmp_path / "gait.gif"
     words = render("--best", "--out", out, "--size", 200, 150, "--fps", 30)
-    assert words.strip().endswith(": equal")
+    assert re.search(r": equal; (fell after|went on for) \d+\.\d s", words)
     pictures = frames(out)
     assert len(pictures) > 5
     for picture in pictures:
@@ -136,7 +137,7 @@ def test_another_start_is_compared_with_what_was_found_or_with_the_mean(
 ) -> None:
     best = StoredRun.load(run).archive.best()
     small = ("--out", tmp_path / "gait.gif", "--size", 60, 40)
-    assert render("--best", "--seed", 3, *small).strip().endswith(": different")
+    assert ": different; " in render("--best", "--seed", 3, *small)
     outcomes = [
         RepeatOutcome(best.evaluation, k, best.fitness + k, best.descriptor, 9, True)
         for k in range(2)
@@ -175,7 +176,7 @@ def test_a_contact_sheet_has_a_row_per_gait(
 ) -> None:
     out = tmp_path / "sheet.png"
     words = render("--sheet", 3, "--columns", 4, "--out", out).splitlines()
-    assert [word.rsplit(": ", 1)[1] for word in words] == ["equal"] * 3
+    assert [word.rsplit(": ", 1)[1].partition(";")[0] for word in words] == ["equal"] * 3
     with Image.open(out) as image:
         sheet = np.asarray(image.convert("RGB")).astype(int)
     assert sheet.shape == (HEAD + 3 * (132 + GAP), LABEL + 4 * (176 + GAP), 3)
@@ -193,7 +194,7 @@ def test_a_gallery_shows_gaits_in_step_until_the_last_one_has_ended(
     out = tmp_path / "gallery.gif"
     small = ("--size", 150, 110, "--fps", 30)
     words = render("--gallery", 3, "--columns", 2, "--out", out, *small).splitlines()
-    assert [word.rsplit(": ", 1)[1] for word in words] == ["equal"] * 3
+    assert [word.rsplit(": ", 1)[1].partition(";")[0] for word in words] == ["equal"] * 3
     archive = StoredRun.load(run).archive
     cells = spread_cells(archive, archive.filled_cells(), 3)
     assert [int(word.split()[1].rstrip(":")) for word in words] == cells

@@ -98,6 +98,13 @@ def test_task_that_exits_when_it_starts_is_reported() -> None:
         make_task("broken_tasks:StartExits")
 
 
-def test_command_line_without_a_task_shows_its_usage(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main([]) == 2
-    assert "usage" in capsys.readouterr().out
+@pytest.mark.parametrize(("arguments", "code"), [([], 2), (["--help"], 0), (["-h"], 0)])
+def test_the_usage_is_shown_on_request_and_without_a_task(
+    arguments: list[str], code: int, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(arguments)
+    said = capsys.readouterr()
+    assert ended.value.code == code
+    assert "usage: python -m pga_me_ros.tasks.check [-h] TASK" in said.out + said.err
+    assert "unknown task" not in said.out
