@@ -12,6 +12,7 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
+from pga_me_ros.dependencies import report_missing_dependencies
 from pga_me_ros.process.early_signals import end_on_early_signals, is_own_program
 
 if TYPE_CHECKING:
@@ -46,6 +47,7 @@ _MODULES = {
 
 if is_own_program():
     end_on_early_signals()
+    report_missing_dependencies()
 
 
 def __getattr__(name: str) -> Any:

@@ -17,7 +17,8 @@ from pga_me_ros.core.storage.metrics_file import METRICS_FILE, MetricsFile
 from pga_me_ros.core.storage.run_info import RunInfo
 from pga_me_ros.core.storage.stored_run import StoredBehavior
 from pga_me_ros.core.storage.whole_run import store_whole_run
-from pga_me_ros.errors import PgaError, RequestError
+from pga_me_ros.dependencies import missing
+from pga_me_ros.errors import RequestError
 from pga_me_ros.paths import user_path
 from pga_me_ros.tasks.protocol import Task
 from pga_me_ros.tasks.registry import make_task
@@ -43,14 +44,12 @@ class StoredRun(stored_run.StoredRun):
         Missing parents are -1; missing means and spreads over re-evaluations are NaN.
 
         Raises:
-            PgaError: pandas is not installed.
+            MissingDependencyError: pandas is not installed.
         """
         try:
             import pandas as pd
         except ImportError:
-            raise PgaError(
-                "to_dataframe needs pandas, which is not installed: pip install pandas."
-            ) from None
+            raise missing("pandas", "to_dataframe") from None
         arrays, names = self.arrays(), self.spec.descriptor_names
         columns: dict[str, Any] = {name: arrays[name] for name in _COLUMNS}
         columns |= {f"parent{k + 1}": arrays["parents"][:, k] for k in range(2)}

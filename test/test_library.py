@@ -138,7 +138,9 @@ def test_without_pandas_the_table_says_what_to_install(
     saved: StoredRun, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "pandas", None)
-    with pytest.raises(PgaError, match=r"needs pandas, which is not installed: pip install pandas"):
+    with pytest.raises(
+        PgaError, match=r"pandas is not installed \(needed for to_dataframe\); install it with: "
+    ):
         saved.to_dataframe()
 
 

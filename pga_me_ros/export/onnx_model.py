@@ -14,7 +14,7 @@ from pga_me_ros.core.archive.elites import Elite
 from pga_me_ros.core.networks.conditioned import ConditionedActor
 from pga_me_ros.core.networks.mlp import MlpShape
 from pga_me_ros.core.storage.stored_run import StoredRun
-from pga_me_ros.errors import PgaError
+from pga_me_ros.dependencies import missing
 from pga_me_ros.export.source import Source, about_robot
 
 OPSET = 13
@@ -27,17 +27,14 @@ def require_onnx() -> ModuleType:
     """Return the onnx package.
 
     Raises:
-        PgaError: onnx is not installed.
+        MissingDependencyError: onnx is not installed.
     """
     try:
         import onnx
         import onnx.helper
         import onnx.numpy_helper
-    except ImportError as error:
-        raise PgaError(
-            f"--to onnx needs the Python package onnx, which is not installed ({error}); install it with "
-            "`pip install onnx`, or choose --to npz or torchscript."
-        ) from None
+    except ModuleNotFoundError as error:
+        raise missing(error.name or "onnx", "export to ONNX") from None
     return onnx
 
 
@@ -57,7 +54,7 @@ def controller_bytes(shape: MlpShape, parameters: Float32Array, about: Mapping[s
         about: What the model's metadata hold, such as `Source.about` tells.
 
     Raises:
-        PgaError: The onnx package is not installed.
+        MissingDependencyError: The onnx package is not installed.
     """
     onnx = require_onnx()
     nodes, weights = _layers(onnx, shape, parameters, "observation")
@@ -72,7 +69,7 @@ def onnx_actor_bytes(run: StoredRun, actor: ConditionedActor) -> bytes:
     float32 in the task's units; its output is ``action``, (batch, action_dim) float32. The model scales the descriptor.
 
     Raises:
-        PgaError: The onnx package is not installed.
+        MissingDependencyError: The onnx package is not installed.
     """
     onnx = require_onnx()
     spec = run.spec

@@ -8,9 +8,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from pga_me_ros.dependencies import EXIT_BAD_INPUT
 from pga_me_ros.errors import PgaError
 from pga_me_ros.process.child import ChildProcess, python_module
-from pga_me_ros.ros.process import EXIT_BAD_INPUT
 
 STOP_GRACE = 2.0
 """Seconds between asking a child to stop and killing it."""

@@ -6,6 +6,7 @@ import os
 import signal
 import sys
 from contextlib import suppress
+from pathlib import Path
 from types import FrameType
 from typing import Any
 
@@ -19,11 +20,17 @@ USUAL: dict[signal.Signals, Any] = {
 
 
 def is_own_program() -> bool:
-    """Whether this process was started as ``python -m pga_me_ros.NAME`` and is about to import that module."""
+    """Whether this process is one of the package's nodes or programs, and is about to import it.
+
+    It was started as ``python -m pga_me_ros.NAME``, or by the script NAME that pip installs for it.
+    """
     words = sys.orig_argv
-    if sys.argv[:1] != ["-m"] or "-m" not in words[:-1]:  # Python sets the first word afterwards
-        return False
-    return words[words.index("-m") + 1].startswith("pga_me_ros.")
+    if sys.argv[:1] == ["-m"] and "-m" in words[:-1]:  # Python sets the first word afterwards
+        return words[words.index("-m") + 1].startswith("pga_me_ros.")
+    package, name = Path(__file__).parents[1], Path(sys.argv[0] if sys.argv else "").name
+    return name.isidentifier() and any(
+        (package / path).is_file() for path in (f"nodes/{name}.py", f"{name}/__main__.py")
+    )
 
 
 def end_on_early_signals() -> None:

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
 
+from pga_me_ros.dependencies import EXIT_BAD_INPUT, missing_dependency
 from pga_me_ros.errors import PgaError
 from pga_me_ros.process.early_signals import hand_over
 from pga_me_ros.process.streams import let_go, open_standard_streams, settle, tell
@@ -34,10 +35,12 @@ def run_program(work: Callable[[], None], stopped: str = "stopped") -> int:
         tell(stopped, sys.stderr)
     except BrokenPipeError:  # the reader, such as `head`, has exited
         let_go(sys.stdout)
-    except (PgaError, OSError) as error:
+    except (PgaError, OSError, ModuleNotFoundError) as error:
+        if isinstance(error, ModuleNotFoundError) and not missing_dependency(error):
+            raise
         settle(sys.stdout)
-        tell(f"error: {error}", sys.stderr)
-        return 2
+        tell(f"error: {missing_dependency(error) or error}", sys.stderr)
+        return EXIT_BAD_INPUT
     return 0
 
 

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import yaml
 from rclpy.qos import QoSProfile
 
+from pga_me_ros.dependencies import missing
 from pga_me_ros.errors import PgaError, StorageError
 from pga_me_ros.recording.definitions import definition
 from pga_me_ros.recording.older import SEQUENCES_SINCE, completed
@@ -56,7 +57,7 @@ class BagWriter:
 
     Raises:
         StorageError: The folder exists or cannot be made.
-        PgaError: The rosbags package is not installed.
+        MissingDependencyError: The rosbags package is not installed.
     """
 
     def __init__(self, path: Path) -> None:
@@ -163,7 +164,7 @@ def read_bag(path: Path, type_names: Iterable[str]) -> Iterator[Message]:
     Raises:
         StorageError: The bag is not a recording, was not closed, is damaged, or has other versions of its types than
             those installed. If the recording has digests, damage within messages is found after the last one.
-        PgaError: The rosbags package is not installed.
+        MissingDependencyError: The rosbags package is not installed.
     """
     rosbags = require_rosbags()
     _require_folder(path)
@@ -200,7 +201,7 @@ def topics(path: Path) -> dict[str, str]:
 
     Raises:
         StorageError: The bag is not a recording, was not closed, or is damaged.
-        PgaError: The rosbags package is not installed.
+        MissingDependencyError: The rosbags package is not installed.
     """
     rosbags = require_rosbags()
     _require_folder(path)
@@ -215,17 +216,14 @@ def require_rosbags() -> ModuleType:
     """Return the rosbags package.
 
     Raises:
-        PgaError: rosbags is not installed.
+        MissingDependencyError: rosbags is not installed.
     """
     try:
         import rosbags
         import rosbags.interfaces
         import rosbags.rosbag2
-    except ImportError as error:
-        raise PgaError(
-            f"Recordings need the Python package rosbags, which is not installed ({error}); install it with "
-            "`pip install rosbags`, or use `ros2 bag record` if you have rosbag2."
-        ) from None
+    except ModuleNotFoundError as error:
+        raise missing(error.name or "rosbags") from None
     return rosbags
 
 

@@ -11,7 +11,8 @@ import numpy as np
 
 from pga_me_ros.core.evaluation import as_evaluated, evaluation_rng
 from pga_me_ros.core.settings import Settings
-from pga_me_ros.errors import PgaError, RequestError
+from pga_me_ros.dependencies import missing
+from pga_me_ros.errors import RequestError
 from pga_me_ros.player.gait import Gait
 from pga_me_ros.player.watched_rollout import Recording, record
 from pga_me_ros.tasks.protocol import Task
@@ -43,10 +44,10 @@ def require_pillow() -> None:
     """Make sure that pictures can be drawn.
 
     Raises:
-        PgaError: Pillow is not installed.
+        MissingDependencyError: Pillow is not installed.
     """
     if find_spec("PIL") is None:
-        raise PgaError("Pictures need Pillow, which is not installed: pip install pillow.")
+        raise missing("PIL")
 
 
 def evaluated_again(
@@ -84,7 +85,7 @@ def draw_gif(task: Task, settings: Settings, gait: Gait, out: Path, options: Gif
         The episode.
 
     Raises:
-        PgaError: Pillow is not installed.
+        MissingDependencyError: Pillow is not installed.
         RequestError: The episode ends before `options.start`.
         StorageError: The file cannot be written.
         TaskError: The task has no `body`, or its robot cannot be shown.
@@ -120,7 +121,7 @@ def draw_gallery(
         Their episodes.
 
     Raises:
-        PgaError: Pillow is not installed.
+        MissingDependencyError: Pillow is not installed.
         RequestError: An episode ends before `options.start`.
         StorageError: The file cannot be written.
         TaskError: The task has no `body`, or its robot cannot be shown.

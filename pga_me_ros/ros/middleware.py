@@ -6,14 +6,14 @@ import os
 import sys
 from pathlib import Path
 
+from pga_me_ros.dependencies import EXIT_BAD_INPUT
+
 ASKED_BY = ("RMW_IMPLEMENTATION", "RCL_ASSERT_RMW_ID_MATCHES")
 INDEX = Path("share", "ament_index", "resource_index", "rmw_typesupport")
 """Folder of a prefix with one file per installed middleware."""
 
 CHOOSER = "rmw_implementation"
 """Package in the index that is not a middleware itself: it loads the requested one."""
-
-EXIT_BAD_INPUT = 2
 
 
 def require_middleware() -> None:

@@ -10,13 +10,13 @@ import rclpy
 from rclpy._rclpy_pybind11 import RCLError
 from rclpy.executors import ExternalShutdownException
 
+from pga_me_ros.dependencies import EXIT_BAD_INPUT, missing_dependency
 from pga_me_ros.errors import PgaError
 from pga_me_ros.process.streams import tell
 from pga_me_ros.ros.command_line import Program, start
 from pga_me_ros.ros.spinning import EndingNode, spin
 
 EXIT_FAULT = 1
-EXIT_BAD_INPUT = 2
 
 
 def run_node(
@@ -63,6 +63,7 @@ def report(error: Exception, *, starting: bool = True) -> int:
         starting: Whether the node was still starting: errors of ROS, memory or permissions are then due to the user's
             input.
     """
+    error = missing_dependency(error) or error
     if isinstance(error, PgaError):
         tell(f"error: {error}", sys.stderr)
         return EXIT_BAD_INPUT

@@ -8,6 +8,7 @@ import sys
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
+from pga_me_ros.dependencies import missing
 from pga_me_ros.errors import TaskError, nearest_name
 from pga_me_ros.tasks.gym.name import PREFIX as GYMNASIUM_PREFIX
 from pga_me_ros.tasks.gym.task import gymnasium_class
@@ -31,6 +32,7 @@ def load_task(name: str) -> type[Task]:
             on the Python path.
 
     Raises:
+        MissingDependencyError: Its module needs a package that is not installed.
         TaskError: The name is unknown, or its module or class cannot be loaded.
     """
     if not isinstance(name, str):
@@ -70,6 +72,8 @@ def make_task(name: str, randomization: str = "") -> Task:
     options = randomization_option(name, randomization)
     try:
         return task_class(**options)
+    except ModuleNotFoundError as error:
+        raise missing(error.name or str(error), f"task '{name}'") from error
     except (Exception, SystemExit) as error:  # a user's class may raise anything
         raise TaskError(
             f"task '{name}' does not start ({type(error).__name__}: {error}); its class is called "
@@ -126,6 +130,9 @@ def _load_class(name: str, module_path: str, class_name: str) -> type[Any]:
     try:
         module = importlib.import_module(module_path)
     except (Exception, SystemExit) as error:  # a user's module may raise anything while it loads
+        lacking = isinstance(error, ModuleNotFoundError) and error.name
+        if lacking and not f"{module_path}.".startswith(f"{lacking}."):
+            raise missing(lacking, f"task '{name}'") from error
         raise TaskError(
             f"task '{name}': module '{module_path}' does not load "
             f"({type(error).__name__}: {error}); check the spelling and that its package is on "

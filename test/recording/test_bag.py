@@ -151,7 +151,7 @@ def test_without_the_library_the_error_says_what_to_install(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "rosbags", None)
-    with pytest.raises(PgaError, match="`pip install rosbags`"):
+    with pytest.raises(PgaError, match="install it with: pip install rosbags"):
         BagWriter(tmp_path / "bag")
 
 

@@ -10,6 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from pga_me_ros.arrays import Float32Array, Float64Array
+from pga_me_ros.dependencies import missing, missing_dependency
 from pga_me_ros.errors import TaskError, nearest_name
 from pga_me_ros.tasks.gym.descriptors import checked_value, make_descriptor
 from pga_me_ros.tasks.gym.entries import action_names, observation_entries
@@ -114,7 +115,8 @@ def gymnasium_class(name: str) -> type[GymnasiumTask]:
     """Return the task class of a name; the environment is made once, to read its spaces.
 
     Raises:
-        TaskError: Gymnasium is not installed, or the environment does not exist, does not start or does not fit.
+        MissingDependencyError: Gymnasium is not installed.
+        TaskError: The environment does not exist, does not start or does not fit.
     """
     options = read_name(name)
     env = make_env(name, options)
@@ -138,10 +140,8 @@ def make_env(name: str, options: Options, *, render: bool = False) -> Any:
     """
     try:
         import gymnasium
-    except ImportError:
-        raise TaskError(
-            f"task '{name}' needs Gymnasium; install it with: pip install 'gymnasium[mujoco]'"
-        ) from None
+    except ModuleNotFoundError as error:
+        raise missing(error.name or "gymnasium", f"task '{name}'") from None
     if ":" not in options.env_id and options.env_id not in gymnasium.registry:
         raise TaskError(
             f"task '{name}': Gymnasium knows no environment '{options.env_id}'"
@@ -161,6 +161,9 @@ def make_env(name: str, options: Options, *, render: bool = False) -> Any:
             module, _, attribute = wrapper.partition(":")
             env = getattr(importlib.import_module(module), attribute)(env)
     except (Exception, SystemExit) as error:  # an environment or wrapper may raise anything
+        # Gymnasium wraps what it cannot import.
+        if lacking := missing_dependency(error.__cause__ or error):
+            raise lacking from error
         raise TaskError(
             f"task '{name}' does not start ({type(error).__name__}: {error}); check its arguments, and that its "
             "simulator is installed (for MuJoCo: pip install 'gymnasium[mujoco]')"

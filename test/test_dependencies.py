@@ -1,0 +1,134 @@
+"""A package that is not installed: one line with the command that installs it, from every program and node."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from pga_me_ros.dependencies import EXIT_BAD_INPUT, missing, missing_dependency
+
+HIDE = """
+import os
+from importlib.machinery import PathFinder
+
+find = PathFinder.find_spec
+
+
+def find_all_but_hidden(name, path=None, target=None):
+    hidden = os.environ["HIDDEN"]
+    return None if name.partition(".")[0] == hidden else find(name, path, target)
+
+
+PathFinder.find_spec = find_all_but_hidden
+"""
+"""Run at the start of each Python: one package is then not found, as if it were not installed."""
+
+
+@pytest.fixture
+def hiding(tmp_path: Path):
+    """Return a function that runs a command in whose processes a package is not installed."""
+    (tmp_path / "site").mkdir()
+    (tmp_path / "site/sitecustomize.py").write_text(HIDE)
+
+    def run(hidden: str, *command: str) -> subprocess.CompletedProcess[str]:
+        paths = [str(tmp_path / "site"), os.environ.get("PYTHONPATH", "")]
+        return subprocess.run(
+            command,
+            cwd=tmp_path,
+            env={
+                **os.environ,
+                "HIDDEN": hidden,
+                "PYTHONPATH": os.pathsep.join(filter(None, paths)),
+            },
+            capture_output=True,
+            text=True,
+            timeout=120,
+            check=False,
+        )
+
+    return run
+
+
+NODE = "pga_me_ros.nodes."
+PROGRAM = "pga_me_ros."
+
+
+@pytest.mark.parametrize(
+    ("hidden", "command", "words"),
+    [
+        ("pga_me_msgs", f"{NODE}orchestrator", "The message package pga_me_msgs is not installed"),
+        ("tf2_msgs", f"{NODE}behavior_player", "tf2_msgs of ROS 2 is not installed"),
+        (
+            "pybullet",
+            f"{NODE}evaluator --ros-args -p task:=qd_hopper",
+            "PyBullet is not installed (needed for task 'qd_hopper')",
+        ),
+        (
+            "mujoco",
+            f"{NODE}evaluator --ros-args -p task:=gymnasium:Hopper-v5",
+            "MuJoCo is not installed",
+        ),
+        ("PIL", f"{PROGRAM}render RUN", "Pillow is not installed (needed for pictures)"),
+        ("matplotlib", f"{PROGRAM}report RUN", "Matplotlib is not installed"),
+        ("onnx", f"{PROGRAM}export RUN --to onnx --best", "onnx is not installed"),
+    ],
+)
+def test_a_program_without_a_package_ends_with_one_line(
+    hiding, hopper_run: Path, hidden: str, command: str, words: str
+) -> None:
+    words_of_command = command.replace("RUN", str(hopper_run)).split()
+    done = hiding(hidden, sys.executable, "-m", *words_of_command)
+    assert done.returncode == EXIT_BAD_INPUT, done.stderr
+    lines = done.stderr.splitlines()
+    assert len(lines) == 1, done.stderr
+    assert lines[0].startswith(f"error: {words}")
+    assert "; install it with: " in lines[0]
+
+
+def test_a_run_without_torch_ends_with_one_line_and_no_restart(hiding, tmp_path: Path) -> None:
+    run = f"{NODE}orchestrator --ros-args -p run_dir:={tmp_path / 'run'} -p evaluators:=1"
+    done = hiding("torch", sys.executable, "-m", *run.split())
+    assert done.returncode == EXIT_BAD_INPUT, done.stderr
+    errors = [line for line in done.stderr.splitlines() if line.startswith("error: ")]
+    assert len(errors) == 1, done.stderr
+    assert "PyTorch is not installed" in errors[0]
+    assert "install it with: " in errors[0]
+    assert "Traceback" not in done.stderr
+    assert "restart" not in done.stderr
+    log = next((tmp_path / "run" / "logs").glob("critic_trainer*.log")).read_text()
+    assert log.count("PyTorch is not installed") == 1  # started once
+
+
+def test_an_installed_script_says_it_as_well(hiding) -> None:
+    done = hiding("numpy", str(Path(sys.prefix) / "lib/pga_me_ros/report"), "--help")
+    assert done.returncode == EXIT_BAD_INPUT
+    assert done.stderr.startswith("error: NumPy is not installed; install it with: ")
+
+
+def test_the_program_of_a_user_keeps_its_traceback(hiding) -> None:
+    code = "import pga_me_ros, pybullet"
+    done = hiding("pybullet", sys.executable, "-c", code)
+    assert done.returncode == 1
+    assert "Traceback" in done.stderr
+    assert done.stderr.endswith("ModuleNotFoundError: No module named 'pybullet'\n")
+
+
+def test_a_missing_module_of_this_package_is_a_fault() -> None:
+    assert missing_dependency(ModuleNotFoundError("no", name="pga_me_ros.core.nothing")) is None
+    assert missing_dependency(ImportError("no", name="torch")) is None
+
+
+def test_a_compiled_part_for_another_python_is_told_from_a_missing_package() -> None:
+    words = str(missing("rclpy._rclpy_pybind11"))
+    assert "ROS 2 was installed for another Python" in words
+    assert sys.executable in words
+
+
+def test_a_package_that_nobody_foresaw_is_named() -> None:
+    assert str(missing("servo.driver")) == (
+        "The Python package 'servo' is not installed; install it with: pip install servo"
+    )
