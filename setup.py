@@ -28,11 +28,20 @@ setup(
     license="Apache-2.0",
     python_requires=">=3.11",
     packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
-    package_data={f"{PACKAGE}.ros": ["*.xml"], f"{PACKAGE}.report": ["*.csv"]},
+    package_data={
+        f"{PACKAGE}.ros": ["*.xml"],
+        f"{PACKAGE}.report": ["*.csv"],
+        f"{PACKAGE}.explorer": ["web/*"],
+    },
     # The nodes' dependencies are declared in package.xml and pinned in requirements/run.txt.
     install_requires=["setuptools"],
-    # Dependencies of one format of `export`, of recordings, and of tasks from Gymnasium.
-    extras_require={"onnx": ["onnx"], "record": ["rosbags"], "mujoco": ["gymnasium[mujoco]"]},
+    # Dependencies of one format of `export`, of recordings, of tasks from Gymnasium, and of the explorer.
+    extras_require={
+        "onnx": ["onnx"],
+        "record": ["rosbags"],
+        "mujoco": ["gymnasium[mujoco]"],
+        "web": ["jupyter-threejs-sage==130", "starlette", "uvicorn"],
+    },
     entry_points={
         "console_scripts": [f"{name} = {PACKAGE}.{module}:main" for name, module in MODULES.items()]
     },

@@ -20,7 +20,7 @@ LOG = VENV / "setup.log"
 BUILDS = VENV / "build"
 # With the wheels, CMake needs this for every interface package.
 CMAKE_FOR_WHEELS = f"-DCMAKE_PROJECT_INCLUDE={ROOT / 'scripts' / 'interface_packages.cmake'}"
-REQUIREMENTS = ("run.txt", "build.txt", "test.txt")
+REQUIREMENTS = ("run.txt", "build.txt", "web.txt", "test.txt")
 LOG_LINES_SHOWN = 10
 BOOTSTRAP_GUARD = "_ROS_WHEELS_BOOTSTRAP_COMPLETE"
 

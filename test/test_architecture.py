@@ -84,6 +84,7 @@ MAY_IMPORT = {
     "demo": {"client", "core*", "process", "ros", "tasks"},
     "player": {"client", "core*", "tasks"},
     "render": {"core*", "player", "process", "tasks"},
+    "explorer": {"core*", "player", "process", "tasks"},
     "report": {"core*", "experiment", "process", "tasks"},
     "export": {"core*", "process", "tasks"},
     "thin": {"core*", "process"},

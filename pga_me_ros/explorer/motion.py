@@ -1,0 +1,192 @@
+"""Gaits as they move, recorded from the simulation and packed for the page."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from pga_me_ros.arrays import Float64Array
+from pga_me_ros.core.evaluation import as_evaluated, evaluation_rng
+from pga_me_ros.core.settings import Settings
+from pga_me_ros.errors import RequestError
+from pga_me_ros.player.gait import Gait
+from pga_me_ros.player.model import Link, RobotModel, RobotState
+from pga_me_ros.player.promise import is_kept
+from pga_me_ros.player.transform import Transform
+from pga_me_ros.player.watched_rollout import Recording, record
+from pga_me_ros.tasks.protocol import Task
+from pga_me_ros.tasks.spec import TaskSpec
+
+FRAMES_PER_SECOND = 30.0
+"""About as many states of the robot per simulated second; the page draws what lies between them."""
+
+LEVELS = 65535
+"""Greatest value of a packed number: 16 bits, so an angle is told to a ten-thousandth of its range or better."""
+
+CONTACT_LEVELS = 255
+"""Greatest value of a packed entry of the strip chart."""
+
+
+@dataclass(frozen=True)
+class Start:
+    """Where an episode begins.
+
+    Attributes:
+        seed: Seed of an initial pose that the run has not seen; None for the one of the gait's own evaluation.
+        randomization: What of robot and world is another one, see `tasks.randomization`; empty for nothing.
+
+    Raises:
+        RequestError: The seed is below 0, or another world is to begin as the evaluation.
+    """
+
+    seed: int | None = None
+    randomization: str = ""
+
+    def __post_init__(self) -> None:
+        """Check the seed."""
+        if self.seed is not None and self.seed < 0:
+            raise RequestError(f"seed is {self.seed}; give a whole number from 0 on.")
+        if self.randomization and self.seed is None:
+            raise RequestError("A randomized episode needs a seed; give one from 0 on.")
+
+    @property
+    def key(self) -> str:
+        """Name of the start in the page."""
+        if self.seed is None:
+            return "evaluation"
+        return f"randomized:{self.seed}" if self.randomization else f"unseen:{self.seed}"
+
+
+def recorded(task: Task, settings: Settings, gait: Gait, start: Start) -> Recording:
+    """Run one episode of a gait and keep the states of its robot.
+
+    Args:
+        task: Task of the run, made with the start's randomization if it has one.
+        settings: Settings of the run.
+        gait: The gait.
+        start: Where the episode begins.
+
+    Raises:
+        TaskError: The task has no `body`, or its robot cannot be shown.
+    """
+    every = max(1, round(1.0 / (FRAMES_PER_SECOND * task.spec.control_period)))
+    if start.seed is not None:
+        return record(task, gait.controller, np.random.default_rng(start.seed), every)
+    act = as_evaluated(settings, gait.controller, gait.evaluation)
+    return record(task, act, evaluation_rng(settings.seed, gait.evaluation), every)
+
+
+def describe_motion(
+    recording: Recording, spec: TaskSpec, gait: Gait, start: Start
+) -> dict[str, Any]:
+    """Return an episode fit for JSON.
+
+    Args:
+        recording: The episode.
+        spec: Its task.
+        gait: The gait.
+        start: Where it began.
+
+    Returns:
+        ``frames`` is (F, 7 + joints): position and quaternion (x, y, z, w) of the base, positions of the movable
+        joints; ``strip`` is (F, descriptor entries) where the task says which observations its descriptor is made of.
+        ``seconds`` has the time of each frame.
+    """
+    episode, period = recording.episode, spec.control_period
+    return {
+        "start": start.key,
+        "seed": start.seed,
+        "randomization": start.randomization,
+        "fitness": episode.fitness,
+        "descriptor": episode.descriptor.tolist(),
+        "fell": episode.terminated,
+        "length": episode.length * period,
+        "kept": is_kept(gait, episode) if start.seed is None else None,
+        "seconds": [round(step * period, 6) for step in recording.steps],
+        "frames": pack(np.array(list(_rows(recording.states)), np.float64), LEVELS),
+        "strip": _strip(recording, spec),
+    }
+
+
+def _rows(states: tuple[RobotState, ...]) -> Iterator[tuple[float, ...]]:
+    """Yield base and joints of each state; quaternions are turned so that neighbors have the same sign."""
+    before: tuple[float, ...] | None = None
+    for state in states:
+        rotation: tuple[float, ...] = state.base.rotation
+        if before is not None and sum(a * b for a, b in zip(before, rotation, strict=True)) < 0.0:
+            rotation = tuple(-x for x in rotation)
+        before = rotation
+        yield (*state.base.position, *rotation, *state.positions)
+
+
+def _strip(recording: Recording, spec: TaskSpec) -> dict[str, Any] | None:
+    """Return the observations that the descriptor is the mean of, such as the contact of each foot, per frame."""
+    if not spec.step_descriptor_names:
+        return None
+    columns = [spec.observation_names.index(name) for name in spec.step_descriptor_names]
+    states = recording.episode.states
+    rows = [min(step + spec.step_descriptor_delay, len(states) - 1) for step in recording.steps]
+    values = states[np.ix_(rows, columns)].astype(np.float64)
+    return {"names": list(spec.step_descriptor_names), **pack(values, CONTACT_LEVELS)}
+
+
+def pack(table: Float64Array, levels: int) -> dict[str, Any]:
+    """Return a table of numbers as text, each column in steps of its range.
+
+    Args:
+        table: (rows, columns) float64.
+        levels: Greatest packed value, 255 or 65,535.
+
+    Returns:
+        ``low`` and ``step`` of each column; ``data`` is base64 of (rows, columns) unsigned numbers of 8 or 16 bits,
+        little endian. An entry is ``low + step * packed``.
+    """
+    low = table.min(axis=0)
+    step = (table.max(axis=0) - low) / levels
+    safe = np.where(step > 0.0, step, 1.0)
+    packed = np.rint((table - low) / safe).astype("<u2" if levels > CONTACT_LEVELS else "u1")
+    return {
+        "columns": table.shape[1],
+        "low": low.tolist(),
+        "step": step.tolist(),
+        "data": base64.b64encode(packed.tobytes()).decode(),
+    }
+
+
+def describe_model(model: RobotModel) -> dict[str, Any]:
+    """Return links with their shapes, and the joints between them, fit for JSON; poses are (x, y, z, quaternion)."""
+    return {
+        "name": model.name,
+        "links": [{"name": link.name, "shapes": _shapes(link)} for link in model.links],
+        "joints": [
+            {
+                "name": joint.name,
+                "kind": joint.kind,
+                "parent": joint.parent,
+                "child": joint.child,
+                "origin": _pose(joint.origin),
+                "axis": list(joint.axis),
+            }
+            for joint in model.joints
+        ],
+    }
+
+
+def _shapes(link: Link) -> list[dict[str, Any]]:
+    return [
+        {
+            "kind": shape.kind,
+            "size": list(shape.size),
+            "pose": _pose(shape.pose),
+            "color": list(shape.color),
+        }
+        for shape in link.shapes
+    ]
+
+
+def _pose(pose: Transform) -> list[float]:
+    return [round(x, 7) for x in (*pose.position, *pose.rotation)]

@@ -1,0 +1,79 @@
+"""Records the motion of a run's gaits; a run whose robot cannot be shown has a reason instead."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
+from typing import Any
+
+from pga_me_ros.core.archive.spread import spread_cells
+from pga_me_ros.core.storage.stored_run import StoredRun
+from pga_me_ros.errors import PgaError
+from pga_me_ros.explorer.motion import Start, describe_model, describe_motion, recorded
+from pga_me_ros.player.body_reader import BodyReader
+from pga_me_ros.player.watched_rollout import body_of
+from pga_me_ros.tasks.protocol import Task
+from pga_me_ros.tasks.registry import make_task
+
+
+class Recorder:
+    """Simulated robots of one run, each started when it is first needed.
+
+    Args:
+        run: The run.
+
+    Attributes:
+        missing: Why the robot cannot be shown, empty if it can.
+        model: The robot, fit for JSON; None if it cannot be shown.
+    """
+
+    def __init__(self, run: StoredRun) -> None:
+        self._run = run
+        self._tasks: dict[str, Task] = {}
+        self.missing = ""
+        self.model: dict[str, Any] | None = None
+        try:
+            self.model = describe_model(BodyReader(body_of(self._task(""))).model)
+        except PgaError as error:
+            self.missing = str(error)
+        except ImportError as error:
+            self.missing = f"the simulator of task '{run.settings.task}' is missing ({error})"
+
+    def motion(self, cell: int, start: Start) -> dict[str, Any]:
+        """Return an episode of the gait of a cell, see `describe_motion`.
+
+        Raises:
+            PgaError: There is no such gait, its robot cannot be shown, or the task cannot be randomized.
+        """
+        gait = self._run.behavior(cell)
+        task = self._task(start.randomization)
+        return describe_motion(
+            recorded(task, self._run.settings, gait, start), task.spec, gait, start
+        )
+
+    def close(self) -> None:
+        """Stop the simulators."""
+        for task in self._tasks.values():
+            with suppress(Exception):  # a user's class may raise anything
+                task.close()
+        self._tasks.clear()
+
+    def _task(self, randomization: str) -> Task:
+        wanted = randomization or self._run.settings.randomization
+        if wanted not in self._tasks:
+            self._tasks[wanted] = make_task(self._run.settings.task, wanted)
+        return self._tasks[wanted]
+
+
+def chosen_cells(run: StoredRun, count: int) -> list[int]:
+    """Return cells whose gaits differ most, the fittest among them, at most so many."""
+    choices = run.choices()
+    return spread_cells(choices.elites, choices.cells(), count) if count else []
+
+
+def all_motions(
+    recorder: Recorder, cells: Iterable[int], starts: tuple[Start, ...]
+) -> Iterator[tuple[int, dict[str, Any]]]:
+    """Yield cells, each with its motions by the name of their start."""
+    for cell in cells:
+        yield cell, {start.key: recorder.motion(cell, start) for start in starts}

@@ -1,0 +1,90 @@
+"use strict";
+// What the cells can be colored by, and with which colors.
+const Colors = (() => {
+  const RAMP = [[40, 12, 84], [52, 74, 140], [30, 130, 140], [70, 184, 108], [250, 232, 60]];
+  const FALLS = [[46, 125, 80], [214, 196, 96], [201, 88, 52], [96, 16, 40]];
+  const DIVERGING = [[178, 60, 20], [238, 180, 140], [232, 232, 232], [150, 190, 226], [20, 84, 160]];
+  // Told apart by the color-blind (Okabe and Ito), by operator.
+  const KINDS = ["#999999", "#e69f00", "#0072b2", "#d55e00", "#cc79a7", "#56b4e9", "#009e73", "#f0e442", "#882255", "#555555"];
+  const ONLY = { first: "#7a3b8f", second: "#3f8f3b" };
+
+  const MEASURES = {
+    fitness: { title: "fitness (mean where known)", value: (e) => e.promise, ramp: RAMP },
+    falls: { title: "share of falls", value: (e) => e.fall_share, ramp: FALLS, range: [0, 1], percent: true },
+    spread: { title: "spread of fitness", value: (e) => e.fitness_spread, ramp: RAMP },
+    generation: { title: "generation", value: (e) => e.generation, ramp: RAMP },
+    operator: { title: "operator", value: (e) => e.made_by, kinds: true },
+  };
+
+  function onRamp(ramp, share) {
+    const place = Math.min(1, Math.max(0, share)) * (ramp.length - 1);
+    const k = Math.min(ramp.length - 2, Math.floor(place));
+    const mixed = ramp[k].map((a, i) => Math.round(a + (place - k) * (ramp[k + 1][i] - a)));
+    return `rgb(${mixed.join(",")})`;
+  }
+
+  // One scale for all runs, so that equal colors mean equal values in each map.
+  function scale(key, runs) {
+    const measure = MEASURES[key];
+    if (measure.kinds) {
+      const names = Object.keys(runs[0].operators);
+      return { measure, color: (elite) => KINDS[Math.max(0, names.indexOf(elite.made_by)) % KINDS.length] };
+    }
+    const values = runs.flatMap((run) => run.elites.map(measure.value));
+    const [low, high] = measure.range || Numbers.range(values);
+    const color = (elite) => {
+      const value = measure.value(elite);
+      if (value === null) return null;
+      return onRamp(measure.ramp, high > low ? (value - low) / (high - low) : 1);
+    };
+    return { measure, low, high, color };
+  }
+
+  // The first run minus the second, cell by cell.
+  function difference(first, second) {
+    const gaps = new Map();
+    for (const elite of first.elites) {
+      const other = second.byCell.get(elite.cell);
+      if (other) gaps.set(elite.cell, elite.promise - other.promise);
+    }
+    const most = Math.max(1e-12, ...[...gaps.values()].map(Math.abs));
+    const color = (cell) => {
+      if (gaps.has(cell)) return onRamp(DIVERGING, 0.5 + gaps.get(cell) / most / 2);
+      return first.byCell.has(cell) ? ONLY.first : ONLY.second;
+    };
+    return { gaps, most, color, ramp: DIVERGING };
+  }
+
+  function ramp(colors) {
+    return `linear-gradient(to right, ${colors.map((c) => `rgb(${c.join(",")})`).join(", ")})`;
+  }
+
+  function swatch(color, title) {
+    return Page.make("span", {}, Page.make("span", { class: "swatch", style: `background:${color}` }), title);
+  }
+
+  function legend(place, key, runs, compared) {
+    const { measure, low, high, color } = scale(key, runs);
+    const parts = [];
+    const word = (text) => Page.make("span", {}, text);
+    if (measure.kinds) {
+      const used = new Set(runs.flatMap((run) => run.elites.map((e) => e.made_by)));
+      for (const name of used) parts.push(swatch(color({ made_by: name }), runs[0].operators[name] || name));
+    } else {
+      const text = measure.percent ? Numbers.percent : Numbers.text;
+      parts.push(word(measure.title), word(text(low)), Page.make("span", { class: "ramp", style: `background:${ramp(measure.ramp)}` }), word(text(high)));
+      if (runs.some((run) => run.elites.some((e) => measure.value(e) === null))) {
+        parts.push(swatch("var(--soft)", "not evaluated again"));
+      }
+    }
+    parts.push(swatch("var(--empty)", "empty"));
+    if (compared) {
+      const { most } = difference(...runs);
+      parts.push(word("difference"), word(Numbers.text(-most)), Page.make("span", { class: "ramp", style: `background:${ramp(DIVERGING)}` }), word(Numbers.text(most)));
+      parts.push(swatch(ONLY.first, "only in the first"), swatch(ONLY.second, "only in the second"));
+    }
+    Page.replace(place, ...parts);
+  }
+
+  return { MEASURES, scale, difference, legend };
+})();

@@ -1,0 +1,123 @@
+"use strict";
+// The ground, the light and the camera, and as many robots as are watched, each in its lane.
+const Stage = (() => {
+  const LANE = 1.6; // meters between two robots
+  const HALF = 30; // half the side of the ground, meters
+  const VIEW = [1.1, -3.6, 1.5]; // camera to robot, meters
+  let renderer = null;
+  let scene;
+  let camera;
+  let controls;
+  let ground;
+  let sun;
+  let lanes = [];
+
+  // Starts WebGL; returns why it cannot, or an empty text.
+  function open(place) {
+    try {
+      renderer = new THREE.WebGLRenderer({ antialias: true, preserveDrawingBuffer: true });
+    } catch (error) {
+      return `This browser draws no 3-D (WebGL): ${error.message}`;
+    }
+    scene = new THREE.Scene();
+    THREE.Object3D.DefaultUp.set(0, 0, 1);
+    camera = new THREE.PerspectiveCamera(38, 1, 0.05, 200);
+    camera.up.set(0, 0, 1);
+    camera.position.set(...VIEW);
+    renderer.setPixelRatio(Math.min(2, devicePixelRatio));
+    renderer.shadowMap.enabled = true;
+    place.append(renderer.domElement);
+    controls = new THREE.OrbitControls(camera, renderer.domElement);
+    controls.enablePan = false;
+    controls.minDistance = 0.8;
+    controls.maxDistance = 30;
+    controls.maxPolarAngle = 1.55;
+    controls.addEventListener("change", render);
+    scene.add(new THREE.HemisphereLight(0xffffff, 0x8892a0, 0.6));
+    sun = new THREE.DirectionalLight(0xffffff, 0.5);
+    sun.castShadow = true;
+    sun.shadow.mapSize.set(1024, 1024);
+    Object.assign(sun.shadow.camera, { left: -5, right: 5, top: 5, bottom: -5, far: 20 });
+    scene.add(sun, sun.target);
+    new ResizeObserver(() => resize(place)).observe(place);
+    theme();
+    resize(place);
+    return "";
+  }
+
+  // A plane with a line per meter. It goes along in whole meters, so that it seems endless and the grid stays in place.
+  function theme() {
+    if (!renderer) return;
+    const back = new THREE.Color(Page.color("back"));
+    scene.background = back;
+    scene.fog = new THREE.Fog(back, 9, 24);
+    if (ground) scene.remove(ground);
+    const plane = new THREE.Mesh(new THREE.PlaneGeometry(2 * HALF, 2 * HALF), new THREE.MeshLambertMaterial({ color: Page.color("ground"), polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 1 }));
+    plane.receiveShadow = true;
+    ground = new THREE.Group();
+    ground.add(plane, grid(Page.color("grid")));
+    scene.add(ground);
+    render();
+  }
+
+  // Lines in pieces of a meter: some drivers leave out lines that begin behind the camera.
+  function grid(color) {
+    const ends = [];
+    for (let i = -HALF; i <= HALF; i += 1) {
+      for (let j = -HALF; j < HALF; j += 1) ends.push(i, j, 0, i, j + 1, 0, j, i, 0, j + 1, i, 0);
+    }
+    const geometry = new THREE.BufferGeometry();
+    geometry.setAttribute("position", new THREE.Float32BufferAttribute(ends, 3));
+    return new THREE.LineSegments(geometry, new THREE.LineBasicMaterial({ color }));
+  }
+
+  function resize(place) {
+    const { clientWidth: width, clientHeight: height } = place;
+    if (!width || !height) return;
+    renderer.setSize(width, height);
+    camera.aspect = width / height;
+    camera.updateProjectionMatrix();
+    render();
+  }
+
+  // Shows one robot per model; returns how many shapes cannot be drawn.
+  function show(models) {
+    for (const lane of lanes) {
+      scene.remove(lane.outer);
+      lane.robot.drop();
+    }
+    lanes = models.map((model, i) => {
+      const robot = Robot.build(model);
+      const outer = new THREE.Group();
+      outer.position.y = LANE * i;
+      outer.add(robot.group);
+      scene.add(outer);
+      return { robot, outer };
+    });
+    return lanes.reduce((sum, lane) => sum + lane.robot.missing, 0);
+  }
+
+  // Poses every robot; the camera goes along with the first.
+  function pose(poses) {
+    if (!lanes.length) return;
+    poses.forEach((values, i) => lanes[i].robot.set(values));
+    const base = lanes[0].robot.group.position;
+    const middle = new THREE.Vector3(base.x, base.y + (LANE * (lanes.length - 1)) / 2, 0.55);
+    const moved = middle.clone().sub(controls.target);
+    controls.target.copy(middle);
+    camera.position.add(moved);
+    ground.position.set(Math.round(base.x), Math.round(base.y), 0);
+    sun.target.position.copy(middle);
+    sun.position.set(middle.x - 2, middle.y - 3, 6);
+    controls.update();
+    render();
+  }
+
+  function render() {
+    if (renderer) renderer.render(scene, camera);
+  }
+
+  const joints = () => lanes.map((lane) => lane.robot.joints());
+
+  return { open, show, pose, theme, joints };
+})();

@@ -1,0 +1,170 @@
+"use strict";
+// Choosing: limits, the nearest to a descriptor, and a table that sorts.
+const Choice = (() => {
+  const FIRST = 60;
+  const sorting = { key: "promise", up: false };
+  let all = false;
+
+  const COLUMNS = [
+    { key: "cell", title: "cell", value: (e) => e.cell },
+    { key: "promise", title: "fitness", value: (e) => e.promise },
+    { key: "spread", title: "spread", value: (e) => e.fitness_spread },
+    { key: "falls", title: "falls", value: (e) => e.fall_share, text: Numbers.percent },
+    { key: "descriptor", title: "descriptor", value: (e) => e.promised[0], text: (_, e) => Numbers.list(e.promised) },
+    { key: "found", title: "found with", value: (e) => e.fitness },
+    { key: "repeats", title: "evaluated again", value: (e) => e.repeats },
+    { key: "made_by", title: "operator", value: (e) => e.made_by, text: (v) => Store.run().operators[v] || v },
+    { key: "generation", title: "generation", value: (e) => e.generation },
+  ];
+
+  function field(name, title, attributes = {}) {
+    return Page.make("label", {}, title, Page.make("input", { name, id: `filter-${name}`, inputmode: "decimal", autocomplete: "off", ...attributes }));
+  }
+
+  function makeForm() {
+    const run = Store.run();
+    const names = run.spec.descriptor_names.join(", ");
+    const operators = [...new Set(run.elites.map((e) => e.made_by))].sort();
+    const select = Page.make("select", { name: "operator", id: "filter-operator" });
+    Page.options(select, [["", "any"], ...operators.map((o) => [o, run.operators[o] || o])], "");
+    const form = Page.byId("filter");
+    Page.replace(
+      form,
+      field("descriptor", `Nearest to (${names})`, { class: "wide", placeholder: run.spec.descriptor_low.map((low, k) => ((low + run.spec.descriptor_high[k]) / 2).toFixed(1)).join(" ") }),
+      field("count", "How many nearest", { placeholder: "5" }),
+      field("fitness", "Least fitness"),
+      field("falls", "Most falls, %"),
+      Page.make("label", {}, "Operator", select),
+      Page.make("button", { type: "reset", id: "filter-reset" }, "Show all"),
+      Page.make("button", { type: "button", id: "filter-copy", onclick: () => Page.copy(Commands.nearest(run, wanted())) }, "Copy as ros2 service call"),
+    );
+  }
+
+  // Numbers as they were typed; a word that is none is reported, not ignored.
+  function number(text, name, problems) {
+    if (!text.trim()) return null;
+    const value = Number(text.replace("%", "").trim());
+    if (Number.isFinite(value)) return value;
+    problems.push(`${name} is '${text}'; give a number`);
+    return null;
+  }
+
+  function wanted() {
+    const form = Page.byId("filter");
+    const text = (name) => form.elements[name].value;
+    const problems = [];
+    const d = Store.run().spec.descriptor_names.length;
+    const words = text("descriptor").split(/[\s,[\]]+/).filter(Boolean);
+    const descriptor = words.map((word) => number(word, "the descriptor", problems));
+    if (words.length && words.length !== d) problems.push(`the descriptor has ${words.length} entries; give ${d}`);
+    const count = number(text("count"), "the count", problems);
+    if (count !== null && !(Number.isInteger(count) && count >= 1)) problems.push("the count must be a whole number from 1 on");
+    const falls = number(text("falls"), "the share of falls", problems);
+    return {
+      problems,
+      descriptor: words.length && !problems.length ? descriptor : null,
+      count: count || 5,
+      fitness: number(text("fitness"), "the fitness", problems),
+      falls: falls === null ? null : falls / 100,
+      operator: text("operator"),
+    };
+  }
+
+  // Distance in shares of the range, as the services measure it.
+  function distance(elite, descriptor) {
+    const { descriptor_low: low, descriptor_high: high } = Store.run().spec;
+    return Math.hypot(...descriptor.map((x, k) => (elite.promised[k] - x) / (high[k] - low[k])));
+  }
+
+  function matches(limits) {
+    let found = Store.run().elites.filter(
+      (e) =>
+        (limits.fitness === null || e.promise >= limits.fitness) &&
+        (limits.falls === null || (e.fall_share !== null && e.fall_share <= limits.falls)) &&
+        (!limits.operator || e.made_by === limits.operator),
+    );
+    if (limits.descriptor) {
+      found = found.map((e) => [distance(e, limits.descriptor), e]).sort((a, b) => a[0] - b[0] || a[1].cell - b[1].cell);
+      found = found.slice(0, limits.count).map(([, e]) => e);
+    }
+    return found;
+  }
+
+  function sorted(rows) {
+    const { value } = COLUMNS.find((c) => c.key === sorting.key);
+    const sign = sorting.up ? 1 : -1;
+    return [...rows].sort((a, b) => {
+      const [u, v] = [value(a), value(b)];
+      if (u === null || v === null) return (u === null) - (v === null); // unknown ones last, whichever way
+      return sign * (u < v ? -1 : u > v ? 1 : 0) || a.cell - b.cell;
+    });
+  }
+
+  function header(column) {
+    const here = sorting.key === column.key;
+    const sort = here ? (sorting.up ? "ascending" : "descending") : "none";
+    const act = () => {
+      sorting.up = here ? !sorting.up : false;
+      sorting.key = column.key;
+      draw();
+      Page.byId(`sort-${column.key}`).focus();
+    };
+    const mark = here ? (sorting.up ? " ▲" : " ▼") : "";
+    return Page.make("th", { scope: "col", "aria-sort": sort }, Page.make("button", { type: "button", id: `sort-${column.key}`, onclick: act }, column.title + mark));
+  }
+
+  function row(elite) {
+    const here = elite.cell === Store.state.cell;
+    const cells = COLUMNS.slice(1).map(({ value, text }) => Page.make("td", {}, text ? text(value(elite), elite) : Numbers.text(value(elite))));
+    const act = () => Store.set({ cell: elite.cell });
+    return Page.make("tr", { class: here ? "here" : "", "data-row": elite.cell }, Page.make("td", {}, Page.make("button", { type: "button", onclick: act, "aria-label": `Play cell ${elite.cell}` }, String(elite.cell))), ...cells);
+  }
+
+  function draw() {
+    const limits = wanted();
+    const found = limits.problems.length ? [] : matches(limits);
+    const rows = sorted(found);
+    const shown = all ? rows : rows.slice(0, FIRST);
+    Page.replace(
+      Page.byId("table"),
+      Page.make("thead", {}, Page.make("tr", {}, ...COLUMNS.map(header))),
+      Page.make("tbody", {}, ...shown.map(row)),
+    );
+    Page.byId("matches").textContent = limits.problems.length
+      ? `${limits.problems.join("; ")}.`
+      : `${rows.length} of ${Store.run().elites.length} gaits`;
+    const rest = rows.length - shown.length;
+    Page.replace(Page.byId("more"), rest ? Page.make("button", { type: "button", onclick: showAll }, `Show ${rest} more`) : null);
+    const narrowed = rows.length < Store.run().elites.length;
+    Store.set({ matching: narrowed ? new Set(rows.map((e) => e.cell)) : null });
+  }
+
+  function showAll() {
+    all = true;
+    draw();
+  }
+
+  function markRow() {
+    for (const line of Page.byId("table").querySelectorAll("tr[data-row]")) {
+      line.className = Number(line.dataset.row) === Store.state.cell ? "here" : "";
+    }
+  }
+
+  function start() {
+    const form = Page.byId("filter");
+    form.addEventListener("input", draw);
+    form.addEventListener("reset", () => setTimeout(draw)); // the fields are emptied after the event
+    form.addEventListener("submit", (event) => event.preventDefault());
+    Store.on("run", () => {
+      makeForm();
+      draw();
+    });
+    Store.on("runs", () => {
+      if (!form.elements.length) makeForm();
+      draw();
+    });
+    Store.on("cell", markRow);
+  }
+
+  return { start };
+})();

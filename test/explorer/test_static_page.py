@@ -1,0 +1,257 @@
+"""The page as one file, in a real browser that can reach nothing but that file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from pga_me_ros.core.storage.stored_run import StoredRun
+from pga_me_ros.explorer.__main__ import main
+from pga_me_ros.explorer.recorder import chosen_cells
+from pga_me_ros.player.watched_rollout import record
+from pga_me_ros.tasks.registry import make_task
+
+ZOO = "zoo/qd_hopper"
+SEED = 3
+
+
+@pytest.fixture(scope="module")
+def run() -> StoredRun:
+    return StoredRun.load(ZOO)
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("page") / "hopper.html"
+    assert main([ZOO, "--html", str(out), "--motions", "3", "--seed", str(SEED)]) == 0
+    return out
+
+
+@pytest.fixture(scope="module")
+def page(file: Path, pages: Callable[..., Any]) -> Any:
+    return pages(file, offline=True)
+
+
+@pytest.fixture(autouse=True)
+def no_problems(request: pytest.FixtureRequest) -> Any:
+    """Fail a test whose page complained, or asked for anything but its file."""
+    yield
+    if "page" in request.fixturenames:
+        shown = request.getfixturevalue("page")
+        assert shown.problems == []
+        assert [
+            url for url in shown.requests if not url.startswith(("file:", "data:", "blob:"))
+        ] == []
+
+
+def choose(page: Any, cell: int) -> None:
+    page.page.locator(f'#maps path[data-cell="{cell}"]').click(force=True)
+
+
+def test_the_best_gait_is_shown_first(page: Any, run: StoredRun, file: Path) -> None:
+    page.open(file.as_uri())
+    best = run.choose(best=True)
+    assert page.figures()["cell"] == str(best.cell)
+    assert f"{best.mean_fitness:,.0f}" in page.figures()["on average"]
+    assert page.eval("document.querySelectorAll('.cell.elite').length") == len(run.archive)
+    assert page.eval("document.querySelectorAll('.cell.empty').length") == run.archive.cells - len(
+        run.archive
+    )
+
+
+def test_a_click_shows_the_figures_of_that_cell_and_its_moving_robot(
+    page: Any, run: StoredRun
+) -> None:
+    cell = chosen_cells(run, 3)[-1]
+    choose(page, cell)
+    page.plays(cell)
+    behavior = run.behavior(cell)
+    figures = page.figures()
+    assert figures["falls"] == f"{100 * behavior.fall_share:.1f}".removesuffix(".0") + " %"
+    assert f"{behavior.descriptor[0]:.3f}" in figures["descriptor"]
+    assert (
+        f"evaluation {behavior.evaluation}, generation {behavior.generation}" in figures["lineage"]
+    )
+    page.eval("Explorer.seek(0.5)")
+    before = page.page.locator("#stage").screenshot()
+    page.eval("Explorer.seek(0.8)")
+    assert page.page.locator("#stage").screenshot() != before
+
+
+@pytest.mark.parametrize("start", ["evaluation", f"unseen:{SEED}"])
+def test_the_joints_are_those_of_the_rollout(page: Any, run: StoredRun, start: str) -> None:
+    import numpy as np
+
+    from pga_me_ros.core.evaluation import evaluation_rng
+
+    cell = chosen_cells(run, 3)[0]
+    choose(page, cell)
+    page.page.select_option("#start", start)
+    page.wait(f"Explorer.view().cells[0] === {cell} && Explorer.view().starts[0] === '{start}'")
+    gait = run.behavior(cell)
+    rng = (
+        np.random.default_rng(SEED)
+        if start != "evaluation"
+        else evaluation_rng(run.settings.seed, gait.evaluation)
+    )
+    task = make_task(run.settings.task)
+    whole = record(task, gait.controller, rng)
+    task.close()
+    for step in (0, 60, 200):
+        page.eval(f"Explorer.seek({step * run.spec.control_period})")
+        assert page.eval("Explorer.view().joints[0]") == pytest.approx(
+            whole.states[step].positions, abs=2e-3
+        )
+    page.page.select_option("#start", "evaluation")
+
+
+def test_play_and_pause(page: Any, run: StoredRun) -> None:
+    choose(page, chosen_cells(run, 3)[0])
+    page.eval("Explorer.seek(0)")
+    page.page.click("#play")
+    page.wait("Explorer.view().time > 0.3")
+    assert page.page.inner_text("#play") == "Pause"
+    page.page.click("#play")
+    assert page.eval("Explorer.view().playing") is False
+    assert page.page.inner_text("#play") == "Play"
+
+
+def test_gaits_side_by_side_move_in_step(page: Any, run: StoredRun) -> None:
+    first, second, _ = chosen_cells(run, 3)
+    choose(page, first)
+    page.plays(first)
+    page.page.click("#pin")
+    choose(page, second)
+    page.wait("Explorer.view().cells.length === 2")
+    page.eval("Explorer.seek(1)")
+    one, other = page.eval("Explorer.view().joints")
+    assert one != other
+    page.page.click("#lanes button:has-text('✕')")
+    page.wait("Explorer.view().cells.length === 1")
+
+
+def test_a_gait_that_was_not_recorded_says_so(page: Any, run: StoredRun) -> None:
+    cell = next(c for c in run.archive.filled_cells().tolist() if c not in chosen_cells(run, 3))
+    choose(page, cell)
+    page.page.wait_for_selector("#no-stage:visible")
+    assert f"The motion of cell {cell} is not in this file" in page.page.inner_text("#no-stage")
+    assert page.figures()["cell"] == str(cell)
+
+
+def test_colors_switch_with_their_legend(page: Any) -> None:
+    colors = set()
+    for name, word in (
+        ("falls", "share of falls"),
+        ("generation", "generation"),
+        ("operator", "PG"),
+        ("spread", "spread"),
+        ("fitness", "fitness"),
+    ):
+        page.page.select_option("#color", name)
+        assert word in page.page.inner_text("#legend")
+        colors.add(page.eval("document.querySelector('.cell.elite').style.fill"))
+    assert len(colors) > 2
+
+
+def test_the_filter_narrows_map_and_table(page: Any, run: StoredRun) -> None:
+    page.page.fill("#filter-falls", "0")
+    page.page.fill("#filter-fitness", "1500")
+    known = run.statistics
+    expected = int(((known.fall_share <= 0.0) & (known.mean_fitness >= 1500.0)).sum())
+    assert page.page.inner_text("#matches") == f"{expected} of {len(run.archive)} gaits"
+    assert page.eval("document.querySelectorAll('.cell.out').length") == len(run.archive) - expected
+    page.page.fill("#filter-fitness", "many")
+    assert "the fitness is 'many'; give a number" in page.page.inner_text("#matches")
+    page.page.click("#filter-reset")
+    page.wait("document.querySelectorAll('.cell.out').length === 0")
+
+
+def test_the_nearest_are_those_that_the_library_chooses(page: Any, run: StoredRun) -> None:
+    page.page.fill("#filter-descriptor", "0.7")
+    page.page.fill("#filter-count", "4")
+    rows = page.eval(
+        "[...document.querySelectorAll('#table tr[data-row]')].map((r) => Number(r.dataset.row))"
+    )
+    assert set(rows) == set(run.choices().nearest([0.7], 4)[0].tolist())
+    page.page.click("#filter-copy")
+    assert page.page.inner_text("#copied").endswith(
+        '"{descriptor: [0.7], count: 4, with_controllers: false}"'
+    )
+    page.page.click("#filter-reset")
+
+
+def test_the_table_sorts(page: Any, run: StoredRun) -> None:
+    page.page.click("#sort-cell")
+    page.page.click("#sort-cell")
+    first = page.page.locator("#table tr[data-row]").first.get_attribute("data-row")
+    assert int(first) == run.archive.filled_cells()[0]
+    assert page.eval("document.querySelector('th[aria-sort=ascending]').innerText").startswith(
+        "cell"
+    )
+    page.page.click("#sort-promise")
+
+
+def test_a_link_opens_the_same_gait_again(
+    page: Any, pages: Callable[..., Any], run: StoredRun
+) -> None:
+    choose(page, chosen_cells(run, 3)[1])
+    page.page.click("#copy-link")
+    link = page.page.inner_text("#copied")
+    again = pages(link, offline=True)
+    assert again.figures() == page.figures()
+    again.open(link.replace(f"cell={chosen_cells(run, 3)[1]}", "cell=99999"))
+    again.wait("!document.getElementById('message').hidden")
+    assert "Cell 99999" in again.page.inner_text("#message")
+
+
+def test_it_works_by_keyboard_alone(page: Any) -> None:
+    keys = page.page.keyboard
+    page.eval("document.activeElement.blur()")
+    page.page.locator("#skip").focus()
+    for _ in range(12):
+        keys.press("Tab")
+        if page.eval("document.activeElement.tagName.toLowerCase()") == "svg":
+            break
+    before = page.figures()["cell"]
+    keys.press("ArrowRight")
+    after = page.figures()["cell"]
+    keys.press("ArrowLeft")
+    assert after != before
+    for _ in range(12):
+        keys.press("Tab")
+        if page.eval("document.activeElement.id") == "play":
+            break
+    assert (
+        page.eval("document.activeElement.id") == "play"
+        or page.eval("Explorer.view().cells.length") == 0
+    )
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_nothing_is_wider_than_a_phone(file: Path, pages: Callable[..., Any], scheme: str) -> None:
+    small = pages(file, offline=True, viewport={"width": 400, "height": 800}, color_scheme=scheme)
+    assert small.eval("document.documentElement.scrollWidth") == 400
+    assert small.eval("document.documentElement.dataset.theme") == scheme
+    assert small.problems == []
+
+
+def test_a_task_without_a_robot_has_a_map_and_a_reason(
+    new_run: Callable[..., Path],
+    pages: Callable[..., Any],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.syspath_prepend(str(Path(__file__).parents[1] / "core"))
+    folder = new_run(task="lane_task:Lane")
+    out = tmp_path / "lane.html"
+    assert main([str(folder), "--html", str(out)]) == 0
+    shown = pages(out, offline=True)
+    shown.page.wait_for_selector("#no-stage:visible")
+    assert "has no property 'body'" in shown.page.inner_text("#no-stage")
+    assert shown.eval("document.querySelectorAll('.cell.elite').length") == len(
+        StoredRun.load(folder).archive
+    )
+    assert shown.problems == []
