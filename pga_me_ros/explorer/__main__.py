@@ -14,9 +14,10 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as in evaluators
 from pga_me_ros.core.storage.stored_run import StoredRun
 from pga_me_ros.errors import RequestError, StorageError
 from pga_me_ros.explorer.description import describe
-from pga_me_ros.explorer.motion import Start
+from pga_me_ros.explorer.motion import EpisodeStart
 from pga_me_ros.explorer.page import require_web, write_page
 from pga_me_ros.explorer.recorder import Recorder, all_motions, chosen_cells
+from pga_me_ros.paths import user_path
 from pga_me_ros.process.program import run_program
 
 MOTIONS = 64
@@ -48,9 +49,9 @@ def explore(asked: argparse.Namespace) -> None:
     require_web()
     out = _checked(asked.html)
     runs = [StoredRun.load(path) for path in asked.runs]
-    starts = [Start(), Start(asked.seed)]
+    starts = [EpisodeStart(), EpisodeStart(asked.seed)]
     if asked.randomization:
-        starts.append(Start(asked.seed, asked.randomization))
+        starts.append(EpisodeStart(asked.seed, asked.randomization))
     shown = [
         _recorded(run, str(path), asked.motions, tuple(starts))
         for run, path in zip(runs, asked.runs, strict=True)
@@ -59,7 +60,9 @@ def explore(asked: argparse.Namespace) -> None:
     print(out)
 
 
-def _recorded(run: StoredRun, name: str, count: int, starts: tuple[Start, ...]) -> dict[str, Any]:
+def _recorded(
+    run: StoredRun, name: str, count: int, starts: tuple[EpisodeStart, ...]
+) -> dict[str, Any]:
     """Return all that the page shows of a run, and tell what is being recorded."""
     content = describe(run, name)
     recorder = Recorder(run)
@@ -106,14 +109,14 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="explorer", description=__doc__)
     parser.add_argument(
         "runs",
-        type=Path,
+        type=user_path,
         nargs="+",
         metavar="RUN",
         help="folder of a run, its repertoire file, or zoo/NAME; two are shown beside each other",
     )
     parser.add_argument(
         "--html",
-        type=Path,
+        type=user_path,
         required=True,
         metavar="FILE",
         help="file to write, with everything in it",

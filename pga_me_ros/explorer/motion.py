@@ -32,7 +32,7 @@ CONTACT_LEVELS = 255
 
 
 @dataclass(frozen=True)
-class Start:
+class EpisodeStart:
     """Where an episode begins.
 
     Attributes:
@@ -61,7 +61,7 @@ class Start:
         return f"randomized:{self.seed}" if self.randomization else f"unseen:{self.seed}"
 
 
-def recorded(task: Task, settings: Settings, gait: Gait, start: Start) -> Recording:
+def recorded(task: Task, settings: Settings, gait: Gait, start: EpisodeStart) -> Recording:
     """Run one episode of a gait and keep the states of its robot.
 
     Args:
@@ -81,7 +81,7 @@ def recorded(task: Task, settings: Settings, gait: Gait, start: Start) -> Record
 
 
 def describe_motion(
-    recording: Recording, spec: TaskSpec, gait: Gait, start: Start
+    recording: Recording, spec: TaskSpec, gait: Gait, start: EpisodeStart
 ) -> dict[str, Any]:
     """Return an episode fit for JSON.
 

@@ -9,7 +9,7 @@ from typing import Any
 from pga_me_ros.core.archive.spread import spread_cells
 from pga_me_ros.core.storage.stored_run import StoredRun
 from pga_me_ros.errors import PgaError
-from pga_me_ros.explorer.motion import Start, describe_model, describe_motion, recorded
+from pga_me_ros.explorer.motion import EpisodeStart, describe_model, describe_motion, recorded
 from pga_me_ros.player.body_reader import BodyReader
 from pga_me_ros.player.watched_rollout import body_of
 from pga_me_ros.tasks.protocol import Task
@@ -39,7 +39,7 @@ class Recorder:
         except ImportError as error:
             self.missing = f"the simulator of task '{run.settings.task}' is missing ({error})"
 
-    def motion(self, cell: int, start: Start) -> dict[str, Any]:
+    def motion(self, cell: int, start: EpisodeStart) -> dict[str, Any]:
         """Return an episode of the gait of a cell, see `describe_motion`.
 
         Raises:
@@ -72,7 +72,7 @@ def chosen_cells(run: StoredRun, count: int) -> list[int]:
 
 
 def all_motions(
-    recorder: Recorder, cells: Iterable[int], starts: tuple[Start, ...]
+    recorder: Recorder, cells: Iterable[int], starts: tuple[EpisodeStart, ...]
 ) -> Iterator[tuple[int, dict[str, Any]]]:
     """Yield cells, each with its motions by the name of their start."""
     for cell in cells:

@@ -15,7 +15,7 @@ from pga_me_ros.core.storage.stored_run import StoredRun
 from pga_me_ros.explorer import page
 from pga_me_ros.explorer.__main__ import MOTIONS, main
 from pga_me_ros.explorer.description import describe
-from pga_me_ros.explorer.motion import LEVELS, Start, describe_motion, pack, recorded
+from pga_me_ros.explorer.motion import LEVELS, EpisodeStart, describe_motion, pack, recorded
 from pga_me_ros.explorer.recorder import Recorder, chosen_cells
 from pga_me_ros.player.watched_rollout import record
 from pga_me_ros.tasks.registry import make_task
@@ -58,8 +58,10 @@ def test_packed_numbers_differ_by_half_a_step_at_most() -> None:
     assert np.all(np.abs(unpacked(packed) - table) <= 0.5001 * np.array(packed["step"]) + 1e-12)
 
 
-@pytest.mark.parametrize("start", [Start(), Start(seed=1)], ids=["evaluation", "unseen"])
-def test_a_motion_is_that_of_the_rollout(run: StoredRun, start: Start) -> None:
+@pytest.mark.parametrize(
+    "start", [EpisodeStart(), EpisodeStart(seed=1)], ids=["evaluation", "unseen"]
+)
+def test_a_motion_is_that_of_the_rollout(run: StoredRun, start: EpisodeStart) -> None:
     task = make_task(run.settings.task)
     gait = run.choose(best=True)
     motion = describe_motion(recorded(task, run.settings, gait, start), run.spec, gait, start)
@@ -79,7 +81,7 @@ def test_a_motion_is_that_of_the_rollout(run: StoredRun, start: Start) -> None:
 def test_the_strip_averages_to_the_descriptor(run: StoredRun) -> None:
     recorder = Recorder(run)
     behavior = run.choose(best=True)
-    strip = recorder.motion(behavior.cell, Start())["strip"]
+    strip = recorder.motion(behavior.cell, EpisodeStart())["strip"]
     recorder.close()
     values = np.frombuffer(base64.b64decode(strip["data"]), "u1") * strip["step"][0]
     assert values.mean() == pytest.approx(behavior.descriptor[0], abs=0.01)  # every other step
