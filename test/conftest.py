@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -13,6 +14,10 @@ from pga_me_ros.core.settings import RATES, Settings
 from pga_me_ros.core.settings.rules import of_other_archives
 from pga_me_ros.core.storage.repertoire import Repertoire
 from pga_me_ros.tasks.registry import make_task, task_spec
+
+# Tests start hundreds of processes, each of which would otherwise compile the package again.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
 
 LONG = ("test/packaging/test_workspace.py", "test/graph/", "test/old_runs/")
 """Tests of builds and processes take the longest; if they started last, one worker would be left alone with them."""

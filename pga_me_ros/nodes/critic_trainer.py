@@ -20,6 +20,7 @@ from pga_me_ros.core.snapshot import Snapshot
 from pga_me_ros.core.training.resumable_learner import ResumableLearner
 from pga_me_ros.core.training.training_queue import TrainingQueue
 from pga_me_ros.errors import PgaError, RequestError
+from pga_me_ros.process.ending import leave
 from pga_me_ros.ros import names, qos
 from pga_me_ros.ros.command_line import Program
 from pga_me_ros.ros.convert import episode_from_msg, finite, shaped, snapshot_to_msg, with_rates
@@ -161,4 +162,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    leave(main())

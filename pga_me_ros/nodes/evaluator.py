@@ -23,6 +23,7 @@ from pga_me_ros.core.networks.controller import MlpController
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.core.settings.field import checked_value, setting
 from pga_me_ros.errors import RequestError
+from pga_me_ros.process.ending import leave
 from pga_me_ros.process.parent_watch import PARENT_WATCH
 from pga_me_ros.ros import names, qos
 from pga_me_ros.ros.command_line import Program
@@ -255,4 +256,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    leave(main())

@@ -19,6 +19,7 @@ from pga_me_ros.core.settings import Settings
 from pga_me_ros.core.snapshot import Snapshot
 from pga_me_ros.core.variation.make_offspring import MAKERS, OffspringRequest, make_offspring
 from pga_me_ros.errors import PgaError, RequestError
+from pga_me_ros.process.ending import leave
 from pga_me_ros.ros import names, qos
 from pga_me_ros.ros.command_line import Program
 from pga_me_ros.ros.convert import flat, shaped, snapshot_from_msg, with_rates
@@ -169,4 +170,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    leave(main())

@@ -12,7 +12,7 @@ from pga_me_ros.orchestration.calls import StoppedError, Waiter
 from pga_me_ros.orchestration.control import Control
 from pga_me_ros.orchestration.team import SINGLETONS, name_is_taken
 from pga_me_ros.ros import names, qos
-from pga_me_ros.ros.namesakes import LISTEN, LISTEN_ON, listening_time
+from pga_me_ros.ros.namesakes import LISTEN_ON, listening_time
 from pga_me_ros.ros.refusals import printable
 
 
@@ -49,8 +49,10 @@ def require_free_name(control: Control, claim: Progress, *, new: bool) -> None:
 
     control.create_subscription(Progress, names.PROGRESS, take, qos.LATCHED)
     control.create_subscription(NodeStatus, names.STATUS, take_node, qos.STATUS)
-    waiter.until(lambda: bool(heard), LISTEN)
-    waiter.until(lambda: bool(heard), listening_time(control, control.get_name()) - LISTEN)
+    wait = control.options.discovery_wait
+    waiter.until(lambda: bool(heard), wait)
+    more = listening_time(control, control.get_name(), wait=wait) - wait
+    waiter.until(lambda: bool(heard), more)
     if strangers:  # if they have an orchestrator, it says more about them
         waiter.until(lambda: bool(heard), LISTEN_ON)
     if heard:

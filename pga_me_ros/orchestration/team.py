@@ -106,7 +106,9 @@ class Team:
             raise name_is_taken(self._foreign)
         if not self.roster.all_up:
             return False
-        return time.monotonic() - self._node.began >= listening_time(self._node, *SINGLETONS)
+        wait = self._node.options.discovery_wait
+        listened = time.monotonic() - self._node.began
+        return listened >= listening_time(self._node, *SINGLETONS, wait=wait)
 
     def tick(self) -> None:
         """Restart children that died and report those that have gone silent.

@@ -14,13 +14,9 @@ from rclpy.node import Node
 
 from pga_me_ros.errors import PgaError
 from pga_me_ros.ros import names, qos
+from pga_me_ros.ros.options import LISTEN
 from pga_me_ros.ros.refusals import printable
 from pga_me_ros.ros.spinning import EndingNode
-
-LISTEN = 4.0
-"""Seconds within which a living namesake is heard. Two nodes usually find each other at once, but now and then one's
-announcement comes too early for the other, and Fast DDS repeats it after up to 3 s. Then comes the next heartbeat, one
-every second."""
 
 LISTEN_ON = 5.0
 """Seconds to listen if the graph has the name more than once: discovery is slow, or a namesake was killed recently."""
@@ -54,18 +50,21 @@ def leave_to_elders(
     node.create_subscription(NodeStatus, names.STATUS, make_way, qos.STATUS)
 
 
-def listening_time(node: Node, *singletons: str) -> float:
-    """Return how long to listen for namesakes before names count as free.
+def listening_time(node: Node, *singletons: str, wait: float = LISTEN) -> float:
+    """Return how long to listen for namesakes before names count as free, in seconds.
 
     A killed process stays in the graph for some 20 s, so a name in the graph is only a reason to listen longer.
 
     Args:
         node: Node that gives access to the graph.
         singletons: Names in its namespace that the graph should have once each.
+        wait: How long to listen if no name is taken, s; 0 to listen in no case.
     """
+    if not wait:
+        return 0.0
     there = node.get_node_names_and_namespaces()
     taken = any(there.count((name, node.get_namespace())) > 1 for name in singletons)
-    return LISTEN_ON if taken else LISTEN
+    return max(wait, LISTEN_ON) if taken else wait
 
 
 def offers_service(node: Node, name: str) -> bool:

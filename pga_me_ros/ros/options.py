@@ -9,6 +9,11 @@ from typing import Any
 from pga_me_ros.core.settings.field import setting
 from pga_me_ros.errors import SettingsError
 
+LISTEN = 4.0
+"""Seconds within which a living namesake is heard. Two nodes usually find each other at once, but now and then one's
+announcement comes too early for the other, and Fast DDS repeats it after up to 3 s. Then comes the next heartbeat, one
+every second."""
+
 
 @dataclass(frozen=True)
 class ChildOptions:
@@ -55,6 +60,14 @@ class RunOptions:
     )
     min_evaluators: int = setting(
         1, "Evaluators that must be there before work starts.", low=1, high=1024, unit="processes"
+    )
+    discovery_wait: float = setting(
+        LISTEN,
+        "How long to listen for another orchestrator of this name and its nodes before the run starts. Set 0 to start "
+        "at once in a domain that nobody else uses, and more where discovery is slow.",
+        low=0.0,
+        high=600.0,
+        unit="s",
     )
     reevaluations: int = setting(
         5,

@@ -17,7 +17,7 @@ SECONDS = 120.0
 TINY = (
     "-p evaluations:=30 -p random_init:=10 -p batch_size:=10 -p n_evo:=5 -p n_grad:=2 -p n_crit:=10 "
     "-p transition_batch:=32 -p cells:=64 -p cvt_samples:=2000 -p controller_hidden:=[16] "
-    "-p critic_hidden:=[16] -p evaluators:=1 -p serve:=false"
+    "-p critic_hidden:=[16] -p evaluators:=1 -p serve:=false -p discovery_wait:=0.0"
 )
 """Makes the run of a documented command last only seconds; later arguments override earlier ones."""
 

@@ -20,6 +20,7 @@ from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.core.settings.rules import useless
 from pga_me_ros.ros import qos
+from pga_me_ros.ros.options import RunOptions
 
 DEADLINE = 60.0
 """Seconds after which an expected event counts as missing."""
@@ -38,9 +39,13 @@ TINY = {
     "critic_hidden": [16, 16],
     "evaluators": 1,
     "serve": False,
+    "discovery_wait": 0.0,
     "reevaluations": 0,
 }
 """Parameters of a complete run that takes seconds: 1 generation of random controllers, 2 of variation."""
+
+NOT_ALONE = {"discovery_wait": RunOptions.discovery_wait}
+"""Parameters in addition to `TINY` of a run that must find another one in its domain."""
 
 
 def tiny(**parameters: Any) -> dict[str, Any]:

@@ -23,7 +23,7 @@ ES = {
 }
 """Parameters of MAP-Elites-ES in addition to `TINY`; it alternates exploit and explore every second generation."""
 
-NOT_SETTINGS = ("evaluators", "serve", "run_dir", "reevaluations")
+NOT_SETTINGS = ("evaluators", "serve", "discovery_wait", "run_dir", "reevaluations")
 """Parameters of the orchestrator that do not affect the result."""
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from graph import TINY, Graph, ros_arguments, tiny
+from graph import NOT_ALONE, TINY, Graph, ros_arguments, tiny
 from processes import children
 from reference import run_digest, search_digest
 
@@ -203,7 +203,7 @@ def test_a_second_orchestrator_is_refused_by_name_or_by_directory_and_the_first_
 ) -> None:
     first = graph.run(tmp_path / "run", **ONE_GENERATION, serve=True)
     first.wait_for_output("serving it")
-    same_name = refused_run(graph, tmp_path / "other")
+    same_name = refused_run(graph, tmp_path / "other", **NOT_ALONE)
     assert f"runs as /orchestrator (process {first.process.pid} on" in same_name
     assert not (tmp_path / "other").exists()
     elsewhere = ("-r", "__ns:=/elsewhere")
@@ -226,7 +226,7 @@ def test_two_runs_in_two_namespaces_do_not_mix(graph: Graph, tmp_path: Path) -> 
 
 def test_a_foreign_archive_manager_keeps_a_run_from_starting(graph: Graph, tmp_path: Path) -> None:
     foreign = graph.start("archive_manager", {"repertoire": make_run(tmp_path / "old")})
-    words = refused_run(graph, tmp_path / "run")
+    words = refused_run(graph, tmp_path / "run", **NOT_ALONE)
     assert f"The name /archive_manager (process {foreign.process.pid} on" in words
     assert not (tmp_path / "run").exists()
     assert foreign.process.poll() is None

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from graph import TINY, Graph, Probe, Started, wait_until
+from graph import NOT_ALONE, TINY, Graph, Probe, Started, wait_until
 from pga_me_msgs.msg import Transitions
 from processes import children, kill_orchestrator, wait_for_no_children
 from reference import run_digest, search_digest
@@ -110,7 +110,7 @@ def test_kills_of_everything_at_random_moments_change_nothing(
 def test_if_two_runs_start_at_once_one_continues_and_the_other_is_refused(
     graph: Graph, tmp_path: Path, folders: tuple[str, str]
 ) -> None:
-    runs = [graph.run(tmp_path / folder, evaluations=10) for folder in folders]
+    runs = [graph.run(tmp_path / folder, evaluations=10, **NOT_ALONE) for folder in folders]
     codes = [run.wait() for run in runs]
     assert sorted(codes) == [0, 2], "".join(run.output for run in runs)
     for run, code, folder in zip(runs, codes, folders, strict=True):

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from graph import Graph, Probe, Started, wait_until
+from graph import NOT_ALONE, Graph, Probe, Started, wait_until
 from pga_me_msgs.msg import NodeStatus
 from reference import evaluations_of, run_digest, search_digest
 
@@ -79,6 +79,6 @@ def test_a_run_does_not_start_if_its_evaluators_names_are_taken(
     """Otherwise, requests of the run would also reach the namesake, and be refused if it has another task."""
     before = graph.start("evaluator", {"task": "qd_hopper"}, "-r", "__node:=evaluator_0")
     wait_until(lambda: any(s.node == "/evaluator_0" for s in signs), "a stranger of that name")
-    run = graph.run(tmp_path / "run")
+    run = graph.run(tmp_path / "run", **NOT_ALONE)
     assert run.wait() == 2
     assert f"The name /evaluator_0 (process {before.process.pid}" in run.output

@@ -78,7 +78,8 @@ def orchestrators(
             graph = Graph(stack.enter_context(domain_id()), run.parent)
             stack.callback(graph.kill)
             budget = {"evaluations": values["resumed_evaluations"], "run_dir": run}
-            orchestrator = graph.start("orchestrator", {**values["parameters"], **budget})
+            given = {**values["parameters"], **budget, "discovery_wait": 0.0}
+            orchestrator = graph.start("orchestrator", given)
             started[stored] = run, orchestrator
         yield started
 

@@ -37,6 +37,7 @@ TINY_RUN = {
     "cvt_samples": "1000",
     "evaluators": "1",
     "serve": "false",
+    "discovery_wait": "0.0",
 }
 TINY_RUN_SECONDS = 240
 
