@@ -9,7 +9,7 @@ TASK ?= qd_hopper
 ARGS ?=
 REV ?= HEAD
 OLDER ?=
-WORKERS ?= 3
+WORKERS ?= 4
 
 BENCHES := rollout reset critic pg_variation graph archive scaling paper_scale
 
@@ -22,7 +22,7 @@ help: ## Show this list
 	@echo '  TASK=qd_walker                run with config/qd_walker.yaml'
 	@echo '  ARGS="-p evaluations:=20000"  pass arguments on: to run (ROS arguments), test (pytest options),'
 	@echo '                                and bench, soak, chaos, fuzz, two-hosts'
-	@echo '  WORKERS=3                     number of parallel test processes'
+	@echo '  WORKERS=4                     number of parallel test processes'
 	@echo '  PYTHON=/path/to/python3.11    use this Python for the setup'
 
 setup: ## Create or update .venv (every other target does this itself)
