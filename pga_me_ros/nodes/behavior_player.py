@@ -39,7 +39,7 @@ from pga_me_ros.ros.options import RunOptions
 from pga_me_ros.ros.parameters import declare, on_change
 from pga_me_ros.ros.process import run_node
 from pga_me_ros.tasks.protocol import Task
-from pga_me_ros.tasks.registry import load_task, make_task, randomization_option
+from pga_me_ros.tasks.registry import damage_option, load_task, make_task, randomization_option
 
 TICK = 0.1
 """Seconds between two checks whether to end while waiting for an answer."""
@@ -123,9 +123,10 @@ class BehaviorPlayer(GraphNode):
             raise ExternalShutdownException
 
     def _open_task(self, name: str, randomization: str) -> Task:
+        damage = self._values["damage"]
         if not self._values["gui"]:
-            return make_task(name, randomization)
-        options = randomization_option(name, randomization)
+            return make_task(name, randomization, damage)
+        options = randomization_option(name, randomization) | damage_option(name, damage)
         try:
             return load_task(name)(render=True, **options)
         except TypeError as error:
@@ -170,7 +171,7 @@ class BehaviorPlayer(GraphNode):
         if not fresh and self._values["episodes"] == 0 and "random" not in self._wanted:
             text += "; repeated until Ctrl-C"
         # Where solutions are evaluated again, what is stored are means of several evaluations.
-        if fresh or is_kept(gait, done) or s.extracted:
+        if fresh or is_kept(gait, done) or s.extracted or self._values["damage"]:
             self.get_logger().info(text)
         else:
             self.get_logger().warning(

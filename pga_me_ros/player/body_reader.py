@@ -209,6 +209,8 @@ class BodyReader:
                     f"a shape of kind {data[2]} in '{self._path}' cannot be drawn; expected sphere, box, "
                     "cylinder, capsule or mesh"
                 )
+            if data[7][3] == 0.0:
+                continue  # cannot be seen, such as a part that a damage took away
             kind, entries = _SHAPES[data[2]]
             pose, mesh = Transform(*data[5:7]), data[4].decode()
             shapes.setdefault(data[1], []).append(

@@ -49,6 +49,10 @@ class PlayerSettings:
         "each episode.",
         choices=("evaluated", "fresh"),
     )
+    damage: str = setting(
+        "",
+        "What is wrong with the robot or its world, for example 'jam foot_joint 0.3, ice'; empty: nothing.",
+    )
     speed: float = setting(
         1.0,
         "Simulated seconds per second; 0 plays as fast as the machine can.",

@@ -71,7 +71,7 @@ def render(asked: argparse.Namespace) -> Path:
         raise RequestError(f"--out is '{out}'; give the name of a file that ends in {ending}.")
     if not out.absolute().parent.is_dir():
         raise StorageError(f"There is no folder '{out.absolute().parent}'; make it first.")
-    task = make_task(run.settings.task, run.settings.randomization)
+    task = make_task(run.settings.task, run.settings.randomization, asked.damage)
     try:
         if asked.sheet:
             _draw_sheet(asked, run, task, out)
@@ -184,6 +184,12 @@ def _parser() -> argparse.ArgumentParser:
         type=_not_negative,
         metavar="N",
         help="begin in another initial pose, drawn from this seed, not in that of the gait's evaluation",
+    )
+    parser.add_argument(
+        "--damage",
+        default="",
+        metavar="TEXT",
+        help="what is wrong with the robot or its world: 'jam foot_joint 0.3, ice' (docs/adaptation.md)",
     )
     parser.add_argument("--out", type=user_path, help="file to write; a GIF, or a PNG with --sheet")
     parser.add_argument("--start", type=float, default=0.0, help="seconds to leave out (GIF)")

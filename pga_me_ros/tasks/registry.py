@@ -10,6 +10,7 @@ from typing import Any
 
 from pga_me_ros.dependencies import missing
 from pga_me_ros.errors import TaskError, nearest_name
+from pga_me_ros.tasks.damage import DamageError, read_damage
 from pga_me_ros.tasks.gym.name import PREFIX as GYMNASIUM_PREFIX
 from pga_me_ros.tasks.gym.task import gymnasium_class
 from pga_me_ros.tasks.protocol import Task
@@ -57,23 +58,27 @@ def task_spec(name: str) -> TaskSpec:
     return load_task(name).spec
 
 
-def make_task(name: str, randomization: str = "") -> Task:
+def make_task(name: str, randomization: str = "", damage: str = "") -> Task:
     """Return a task that is ready for episodes; its simulator is started.
 
     Args:
         name: As in `load_task`.
         randomization: What is another in each episode (`tasks.randomization`); empty for nothing.
+        damage: What is wrong with robot or world in all episodes (`tasks.damage`); empty for nothing.
 
     Raises:
+        DamageError: As in `damage_option`.
         RandomizationError: As in `randomization_option`.
         TaskError: As in `load_task`, or its class raises when it is called.
     """
     task_class = load_task(name)
-    options = randomization_option(name, randomization)
+    options = randomization_option(name, randomization) | damage_option(name, damage)
     try:
         return task_class(**options)
     except ModuleNotFoundError as error:
         raise missing(error.name or str(error), f"task '{name}'") from error
+    except DamageError:
+        raise
     except (Exception, SystemExit) as error:  # a user's class may raise anything
         raise TaskError(
             f"task '{name}' does not start ({type(error).__name__}: {error}); its class is called "
@@ -117,13 +122,45 @@ def randomization_option(name: str, randomization: str) -> dict[str, Any]:
     """
     if not read_ranges(randomization):
         return {}
-    parameters = inspect.signature(load_task(name)).parameters.values()
-    if not any(p.name == "randomization" or p.kind is p.VAR_KEYWORD for p in parameters):
+    if not _takes(load_task(name), "randomization"):
         raise RandomizationError(
             f"task '{name}' cannot be randomized: its class takes no argument `randomization`; leave the setting out, "
             "or add the argument (docs/tasks.md)"
         )
     return {"randomization": randomization}
+
+
+def damage_option(name: str, damage: str) -> dict[str, Any]:
+    """Return the argument that damages a task's robot or world, none where nothing is damaged.
+
+    Starts no simulator. A class may have a class method ``check_damage(text)`` that raises `DamageError` for what its
+    robot cannot have; otherwise only the words are checked here.
+
+    Args:
+        name: As in `load_task`.
+        damage: As in `make_task`.
+
+    Raises:
+        DamageError: The text makes no sense, the robot has no such part, or the task's class takes no such argument.
+        TaskError: As in `load_task`.
+    """
+    task_class = load_task(name)
+    if not damage.strip():
+        return {}
+    if not _takes(task_class, "damage"):
+        read_damage(damage)
+        raise DamageError(
+            f"task '{name}' cannot be damaged: its class takes no argument `damage`; leave it out, or add the argument "
+            "(docs/tasks.md)"
+        )
+    getattr(task_class, "check_damage", read_damage)(damage)
+    return {"damage": damage}
+
+
+def _takes(task_class: type[Task], argument: str) -> bool:
+    """Whether a class can be called with an argument of this name."""
+    parameters = inspect.signature(task_class).parameters.values()
+    return any(p.name == argument or p.kind is p.VAR_KEYWORD for p in parameters)
 
 
 def _load_class(name: str, module_path: str, class_name: str) -> type[Any]:

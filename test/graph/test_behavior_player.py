@@ -188,6 +188,20 @@ def test_with_a_file_it_needs_no_other_node_and_ends_by_itself(
     assert player.output.count(": equal;") == 1
 
 
+def test_a_damaged_robot_is_played_and_a_damage_it_cannot_have_is_refused(
+    repertoire: Served, tmp_path: Path
+) -> None:
+    graph = Graph(repertoire.graph.domain, tmp_path)
+    asked = {"run_dir": repertoire.path, "speed": 0.0, "select": "best"}
+    player = graph.start("behavior_player", asked | {"damage": "free leg_joint, free thigh_joint"})
+    assert player.wait() == 0, player.output
+    assert player.output.count(": different;") == 1
+    player = graph.start("behavior_player", asked | {"damage": "free hip_1"})
+    assert player.wait() == 2
+    assert "damage names the joint 'hip_1', which qd_walker has not" in player.output
+    assert "Traceback" not in player.output
+
+
 def test_without_a_display_a_window_is_refused_in_one_line(
     graph: Graph, monkeypatch: pytest.MonkeyPatch
 ) -> None:

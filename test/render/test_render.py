@@ -132,6 +132,20 @@ def test_a_gif_shows_the_robot_moving_and_well_in_the_picture(
     assert (first != last).sum() > 0.2 * first.sum()
 
 
+def test_a_damaged_robot_is_drawn_without_what_it_lost(
+    render: Callable[..., str], tmp_path: Path
+) -> None:
+    seen = []
+    for damage in ("", "gone leg_joint"):
+        out = tmp_path / "gait.gif"
+        small = ("--size", 120, 90, "--fps", 5)
+        words = render("--best", "--out", out, "--damage", damage, *small)
+        assert words.strip().endswith(": different" if damage else ": equal")
+        rows, columns = np.nonzero(robot(frames(out)[0]))
+        seen.append((np.ptp(columns) + 1) / (np.ptp(rows) + 1))
+    assert seen[1] < 0.6 * seen[0], "a hopper without its foot is slender"
+
+
 def test_another_start_is_compared_with_what_was_found_or_with_the_mean(
     run: Path, render: Callable[..., str], tmp_path: Path
 ) -> None:
@@ -244,6 +258,7 @@ def test_the_gaits_of_a_sheet_are_far_apart(run: Path) -> None:
         ),
         (["--out", "gait.png"], "ends in .gif"),
         (["--start", "1e3"], "give a smaller start"),
+        (["--damage", "jam knee"], "which qd_hopper has not"),
     ],
 )
 def test_what_cannot_be_drawn_is_reported_in_one_line(

@@ -14,15 +14,15 @@ from typing import ClassVar
 import numpy as np
 
 from pga_me_ros.arrays import Float32Array, Float64Array
-from pga_me_ros.errors import TaskError
 from pga_me_ros.tasks.body import Body
 from pga_me_ros.tasks.bullet.coincidence import places_of
+from pga_me_ros.tasks.bullet.damaged import Damaged
 from pga_me_ros.tasks.bullet.heading import Heading, Vector
+from pga_me_ros.tasks.bullet.motors import Motors
 from pga_me_ros.tasks.bullet.randomized import Randomized
 from pga_me_ros.tasks.bullet.robots import ANT, HALF_CHEETAH, HOPPER, WALKER, Robot, build_spec
 from pga_me_ros.tasks.bullet.sums import Float32Means, threshold_after_rounding
 from pga_me_ros.tasks.bullet.world import World
-from pga_me_ros.tasks.protocol import NonFiniteActionError
 from pga_me_ros.tasks.spec import TaskSpec
 
 ELECTRICITY_COST = -2.0
@@ -52,8 +52,10 @@ class LocomotionTask:
     Args:
         render: Whether to open PyBullet's window.
         randomization: What is another in each episode, see `pga_me_ros.tasks.randomization`; empty for nothing.
+        damage: What is wrong in all episodes, see `pga_me_ros.tasks.damage`; empty for nothing.
 
     Raises:
+        DamageError: The text makes no sense, or this robot has no such part.
         RandomizationError: The text makes no sense.
         TaskError: PyBullet cannot open a world or load the robot.
     """
@@ -63,7 +65,7 @@ class LocomotionTask:
     _diverged: bool
     _joints_at_limit: int
 
-    def __init__(self, *, render: bool = False, randomization: str = "") -> None:
+    def __init__(self, *, render: bool = False, randomization: str = "", damage: str = "") -> None:
         """Open a world and begin an episode, so that every method may be called at once."""
         import pybullet
 
@@ -71,13 +73,16 @@ class LocomotionTask:
         self._render = render
         self.randomization = randomization
         self._randomized = Randomized(randomization, planar=not self.robot.torso_is_base)
-        self._torque_scales = tuple(self.robot.torques.values())
+        self.damage = damage
+        self._damaged = Damaged(damage, self.spec.name, self.robot)
+        self._motor_count = len(self.robot.torques)
+        self._torques = Motors(self.spec.name, self._damaged.torques)
         contacts = self.robot.contact_links
         self._feet = tuple(contacts.index(foot) for foot in self.robot.feet)
         self._bruising = tuple(contacts.index(link) for link in self.robot.bruising_links)
-        self._joint_end = _JOINT_OFFSET + 2 * len(self._torque_scales)
+        self._joint_end = _JOINT_OFFSET + 2 * self._motor_count
         self._heading = Heading()
-        self._float32_means = Float32Means(len(self._torque_scales))
+        self._float32_means = Float32Means(self._motor_count)
         self._open_world()
         self.reset(np.random.Generator(np.random.PCG64(0)))
 
@@ -93,10 +98,10 @@ class LocomotionTask:
         if self._diverged:
             self.close()
             self._open_world()
-        positions = rng.uniform(-INITIAL_SPREAD, INITIAL_SPREAD, len(self._torque_scales))
-        self._world.begin_episode(positions.tolist())
+        positions = rng.uniform(-INITIAL_SPREAD, INITIAL_SPREAD, self._motor_count)
+        self._world.begin_episode(self._damaged.pose(positions.tolist()))
         if self._randomized.active:
-            self._randomized.begin_episode(rng, len(self._torque_scales), self.spec.max_steps)
+            self._randomized.begin_episode(rng, self._motor_count, self.spec.max_steps)
         self._touching = [0.0] * len(self.robot.contact_links)
         self._contact_steps = [0.0] * len(self._feet)
         self._steps = 0
@@ -156,6 +161,15 @@ class LocomotionTask:
         """
         return np.array(self._contact_steps) / max(self._steps, 1)
 
+    @classmethod
+    def check_damage(cls, damage: str) -> None:
+        """Check that a text names damage that this robot can have, without a simulator.
+
+        Raises:
+            DamageError: It does not.
+        """
+        Damaged(damage, cls.spec.name, cls.robot)
+
     def contacts(self) -> tuple[bool, ...]:
         """Return whether each of ``robot.contact_links`` touches the floor after the last step."""
         return tuple(flag > 0.0 for flag in self._touching)
@@ -178,6 +192,7 @@ class LocomotionTask:
 
     def _open_world(self) -> None:
         world = self._world = World(self.robot, render=self._render)
+        self._damaged.enter(world)
         self._joint_scales = [(lower, upper - lower) for lower, upper in world.joint_limits]
         self._contact_indices = [world.links[name] for name in self.robot.contact_links]
         # The mean position adds the torso second: that is where the engine's list of parts has it.
@@ -194,25 +209,6 @@ class LocomotionTask:
 
     def _sensed(self, observation: Float32Array) -> Float32Array:
         return self._randomized.sensed(observation, self._joint_end)
-
-    def _torques(self, commands: list[float]) -> list[float]:
-        if len(commands) != len(self._torque_scales):
-            raise TaskError(
-                f"{self.spec.name} got an action of {len(commands)} entries; "
-                f"expected {len(self._torque_scales)}"
-            )
-        return [
-            scale * (value if -1.0 <= value <= 1.0 else self._limit(value))
-            for scale, value in zip(self._torque_scales, commands, strict=True)
-        ]
-
-    def _limit(self, value: float) -> float:
-        if not math.isfinite(value):
-            raise NonFiniteActionError(
-                f"{self.spec.name} got an action with {value}; expected finite numbers: check the "
-                "controller's parameters for NaN and infinity"
-            )
-        return math.copysign(1.0, value)
 
     def _measure(self) -> list[float]:
         """Read the world after a step.

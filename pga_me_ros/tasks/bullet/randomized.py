@@ -10,7 +10,7 @@ import numpy as np
 
 from pga_me_ros.arrays import Float32Array, Float64Array
 from pga_me_ros.tasks.bullet.robots import CONTROL_PERIOD
-from pga_me_ros.tasks.bullet.world import FLOOR_FRICTION, World
+from pga_me_ros.tasks.bullet.world import World
 from pga_me_ros.tasks.randomization import read_ranges
 
 PUSH_EVERY = round(1.0 / CONTROL_PERIOD)
@@ -79,7 +79,7 @@ class Randomized:
             self._pybullet.changeDynamics(
                 world.floor,
                 -1,
-                lateralFriction=FLOOR_FRICTION * factor,
+                lateralFriction=world.floor_friction * factor,
                 physicsClientId=world.client,
             )
         if "torque" in self._ranges:

@@ -12,6 +12,9 @@ TORSO = "torso"
 FLOOR_FRICTION = 0.8
 """Lateral friction of the floor."""
 
+GRAVITY = -9.8
+"""Gravity along z, m/s²."""
+
 
 class World:
     """One physics client with the floor, the robot, and the state that every episode starts from.
@@ -19,6 +22,7 @@ class World:
     Attributes:
         client: Id of the physics client.
         floor: Body id of the floor.
+        floor_friction: Its lateral friction.
         robot: Body id of the robot.
         joint_count: Number of joints, fixed ones included.
         joints: Indices of the actuated joints, ascending.
@@ -98,7 +102,7 @@ class World:
         pybullet, client = self._pybullet, self.client
         pybullet.resetSimulation(physicsClientId=client)
         pybullet.setPhysicsEngineParameter(deterministicOverlappingPairs=1, physicsClientId=client)
-        pybullet.setGravity(0, 0, -9.8, physicsClientId=client)
+        pybullet.setGravity(0, 0, GRAVITY, physicsClientId=client)
         pybullet.setDefaultContactERP(0.9, physicsClientId=client)
         pybullet.setPhysicsEngineParameter(
             fixedTimeStep=CONTROL_PERIOD,
@@ -113,8 +117,13 @@ class World:
             (floor,) = self._pybullet.loadSDF(path, physicsClientId=self.client)
         except self._pybullet.error as error:
             raise TaskError(f"PyBullet cannot load {path} ({error}); reinstall pybullet") from error
+        self.floor_friction = FLOOR_FRICTION
         self._pybullet.changeDynamics(
-            floor, -1, lateralFriction=FLOOR_FRICTION, restitution=0.5, physicsClientId=self.client
+            floor,
+            -1,
+            lateralFriction=self.floor_friction,
+            restitution=0.5,
+            physicsClientId=self.client,
         )
         return int(floor)
 

@@ -9,7 +9,8 @@ import numpy as np
 import pybullet
 import pytest
 
-from pga_me_ros.tasks.bullet.randomized import FLOOR_FRICTION, PUSH_EVERY, PUSH_FOR
+from pga_me_ros.tasks.bullet.randomized import PUSH_EVERY, PUSH_FOR
+from pga_me_ros.tasks.bullet.world import FLOOR_FRICTION
 from pga_me_ros.tasks.registry import make_task
 from pga_me_ros.tasks.rollout import Episode, rollout
 
