@@ -192,7 +192,7 @@ def test_a_damaged_robot_is_played_and_a_damage_it_cannot_have_is_refused(
     repertoire: Served, tmp_path: Path
 ) -> None:
     graph = Graph(repertoire.graph.domain, tmp_path)
-    asked = {"run_dir": repertoire.path, "speed": 0.0, "select": "best"}
+    asked = {"run_dir": repertoire.path, "speed": 0.0, "select": "best", "episodes": 1}
     player = graph.start("behavior_player", asked | {"damage": "free leg_joint, free thigh_joint"})
     assert player.wait() == 0, player.output
     assert player.output.count(": different;") == 1
