@@ -1,0 +1,216 @@
+"""How much of its fitness a damaged hopper gets back, over a list of damages that was fixed before the first run.
+
+``python bench/adapt.py --out build/adapt --seconds 500`` simulates for so long at most; the same command goes on, and
+prints the tables of docs/adaptation.md once everything is there.
+
+Every elite runs from the same few initial poses under each damage. A trial of an adaptation, or of random search, is one
+of these episodes, drawn at random; what was chosen counts by the mean over all of the elite's episodes. The hindsight
+best is the elite with the greatest of these means. The hill climber's episodes are simulated.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import numpy as np
+from scipy.stats import mannwhitneyu, wilcoxon
+
+from pga_me_ros import StoredRun, make_task
+from pga_me_ros.core.adaptation.adaptation import Adaptation, AdaptationSettings
+from pga_me_ros.core.adaptation.alternatives import hill_climb, random_search
+from pga_me_ros.core.adaptation.performance_map import PerformanceMap
+from pga_me_ros.core.networks.controller import MlpController
+from pga_me_ros.tasks.rollout import rollout
+
+REPERTOIRE = "zoo/qd_hopper"
+DAMAGES = (
+    "weak thigh_joint 0.5",
+    "weak leg_joint 0.5",
+    "weak foot_joint 0.5",
+    "jam foot_joint",
+    "jam leg_joint -0.3",
+    "load 2",
+    "slope 5",
+    "slope -5",
+    "ice 0.5",
+    "ice 0.25",
+)
+POSES = 5
+REPEATS = 20
+BUDGET = 15
+CLIMBS = 20
+CLIMB_TRIALS = 20
+
+
+class TimeUp(Exception):
+    """The seconds of this call are over."""
+
+
+@dataclass
+class Bench:
+    """The repertoire, and where results are kept."""
+
+    run: Any
+    out: Path
+    deadline: float
+
+    def __post_init__(self) -> None:
+        self.promises = PerformanceMap.of(self.run.choices())
+        self.cells = self.promises.cells.tolist()
+
+    def file(self, damage: str, kind: str) -> Path:
+        return self.out / f"{kind}-{damage.replace(' ', '_')}.npz"
+
+    def kept(self, file: Path, count: int, width: int) -> np.ndarray:
+        """Return the rows of a file, NaN where they are missing."""
+        rows = np.full((count, width), np.nan)
+        if file.exists():
+            with np.load(file) as stored:
+                rows[:] = stored["fitness"]
+        return rows
+
+    def table(self, damage: str) -> np.ndarray:
+        """Return the fitness of each elite from each pose, (elites, POSES); '' is the sound robot."""
+        file = self.file(damage, "elites")
+        rows = self.kept(file, len(self.cells), POSES)
+        missing = np.flatnonzero(np.isnan(rows).any(axis=1))
+        if len(missing):
+            task = make_task(self.run.settings.task, damage=damage)
+            try:
+                for row in missing.tolist():
+                    self.check_time()
+                    controller = self.run.behavior(self.cells[row]).controller
+                    rows[row] = [self.episode(task, controller, k) for k in range(POSES)]
+            finally:
+                save(file, rows)
+                task.close()
+        return rows
+
+    def climbs(self, damage: str) -> np.ndarray:
+        """Return the mean fitness, over all poses, of what each hill climb ended with, (CLIMBS,)."""
+        file = self.file(damage, "climbs")
+        rows = self.kept(file, CLIMBS, 1)
+        missing = np.flatnonzero(np.isnan(rows[:, 0]))
+        if len(missing):
+            shape, best = self.run.shape, self.run.choose()
+            task = make_task(self.run.settings.task, damage=damage)
+            try:
+                for row in missing.tolist():
+                    self.check_time()
+                    rng = np.random.default_rng([1, row])
+
+                    def attempt(parameters: Any, rng: Any = rng) -> float:
+                        pose = int(rng.integers(POSES))
+                        return self.episode(task, MlpController(shape, parameters), pose)
+
+                    found = hill_climb(best.parameters, CLIMB_TRIALS, attempt, rng)
+                    controller = MlpController(shape, found)
+                    rows[row] = np.mean([self.episode(task, controller, k) for k in range(POSES)])
+            finally:
+                save(file, rows)
+                task.close()
+        return rows[:, 0]
+
+    def episode(self, task: Any, controller: Any, pose: int) -> float:
+        return rollout(task, controller, np.random.default_rng(10_000 + pose)).fitness
+
+    def check_time(self) -> None:
+        if time.monotonic() > self.deadline:
+            raise TimeUp
+
+
+def save(file: Path, rows: np.ndarray) -> None:
+    file.parent.mkdir(parents=True, exist_ok=True)
+    np.savez(file, fitness=rows)
+
+
+def adapted(bench: Bench, table: np.ndarray, repeat: int) -> tuple[int, int]:
+    """Return the row of what an adaptation ended with, and the number of its trials."""
+    rng = np.random.default_rng([2, repeat])
+    adaptation = Adaptation(bench.promises, AdaptationSettings(budget=BUDGET))
+    while trial := adaptation.next():
+        row = bench.cells.index(trial.cell)
+        adaptation.report(float(table[row, rng.integers(POSES)]))
+    best = adaptation.best
+    assert best is not None
+    return bench.cells.index(best.cell), len(adaptation.trials)
+
+
+def searched(bench: Bench, table: np.ndarray, repeat: int, trials: int) -> int:
+    """Return the row of what random search ended with."""
+    rng = np.random.default_rng([3, repeat])
+    rows = range(len(bench.cells))
+    return random_search(rows, trials, lambda row: float(table[row, rng.integers(POSES)]), rng)
+
+
+def report(bench: Bench) -> None:
+    """Print the tables; every number in them comes from the files."""
+    sound = bench.table("").mean(axis=1)
+    first = int(np.argmax(bench.promises.fitness))
+    print(f"sound: promised gait {sound[first]:.0f}, best elite {sound.max():.0f}\n")
+    print(
+        "| damage | promised gait | adapted | trials | random, as many | random, 15 | climb, 20 | hindsight best | "
+        "recovered | p |"
+    )
+    print("|---|" + "---|" * 9)
+    shares, counts, pairs = [], [], []
+    for damage in DAMAGES:
+        table = bench.table(damage)
+        means = table.mean(axis=1)
+        done = [adapted(bench, table, k) for k in range(REPEATS)]
+        ours = np.array([means[row] for row, _ in done])
+        trials = np.array([count for _, count in done])
+        equal = np.array([means[searched(bench, table, k, n)] for k, (_, n) in enumerate(done)])
+        longer = np.array([means[searched(bench, table, k, BUDGET)] for k in range(REPEATS)])
+        climbed = bench.climbs(damage)
+        p = mannwhitneyu(ours, equal, alternative="greater").pvalue
+        share = np.median(ours) / means.max()
+        shares.append(share)
+        counts.append(np.median(trials))
+        pairs.append((np.median(ours), np.median(equal), np.median(longer), np.median(climbed)))
+        print(
+            f"| `{damage}` | {means[first]:.0f} | {np.median(ours):.0f} | {np.median(trials):.0f} | "
+            f"{np.median(equal):.0f} | {np.median(longer):.0f} | {np.median(climbed):.0f} | {means.max():.0f} | "
+            f"{100 * share:.0f} % | {p:.2g} |"
+        )
+    ours, equal, longer, climbed = (np.array(column) for column in zip(*pairs, strict=True))
+    print(
+        f"\nrecovered, median over damages: {100 * np.median(shares):.0f} %; least {100 * min(shares):.0f} %; "
+        f"damages with 70 % or more: {sum(s >= 0.7 for s in shares)} of {len(shares)}; trials, median over damages: "
+        f"{np.median(counts):g}"
+    )
+    for name, other in (("random, as many", equal), ("random, 15", longer), ("climb, 20", climbed)):
+        p = wilcoxon(ours, other, alternative="greater").pvalue
+        print(
+            f"over damages, adapted against {name}: better in {(ours > other).sum()}, p = {p:.2g}"
+        )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--out", type=Path, default=Path("build/adapt"))
+    parser.add_argument("--seconds", type=float, default=500.0)
+    args = parser.parse_args()
+    run = StoredRun.load(REPERTOIRE)
+    bench = Bench(run, args.out, time.monotonic() + args.seconds)
+    try:
+        for damage in ("", *DAMAGES):
+            bench.table(damage)
+            if damage:
+                bench.climbs(damage)
+            print(f"there: {damage or 'sound'}", flush=True)
+    except TimeUp:
+        print("time is up; the same command goes on")
+        return
+    report(bench)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,58 @@
+"""Gaussian process regression with a Matern 5/2 kernel of variance 1, as in Intelligent Trial and Error.
+
+Cully, Clune, Tarapore & Mouret, *Robots that can adapt like animals* (Nature 2015, arXiv 1407.3501), supplementary
+methods: the process models by how much achieved performance differs from the repertoire's, so its own mean is 0.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pga_me_ros.arrays import Float64Array
+
+
+def matern52(first: Float64Array, second: Float64Array, length_scale: float) -> Float64Array:
+    """Return the kernel of each pair of points: (1 + r + r²/3) exp(-r), where r is sqrt(5) distance / length scale.
+
+    Args:
+        first: (n, d) float64 points.
+        second: (m, d) float64 points.
+        length_scale: Distance over which behaviors tell about each other.
+
+    Returns:
+        (n, m) float64, 1 for a point and itself.
+    """
+    squares = ((first[:, None, :] - second[None, :, :]) ** 2).sum(axis=2)
+    r = np.sqrt(5.0 * squares) / length_scale
+    return (1.0 + r + r * r / 3.0) * np.exp(-r)
+
+
+def posterior(
+    points: Float64Array,
+    tried: Float64Array,
+    differences: Float64Array,
+    length_scale: float,
+    noise: float,
+) -> tuple[Float64Array, Float64Array]:
+    """Return mean and standard deviation of a process at some points, given what was observed at others.
+
+    Args:
+        points: (n, d) float64.
+        tried: (t, d) float64 points of the observations; t may be 0, and points may repeat.
+        differences: (t,) float64 observations.
+        length_scale: As in `matern52`.
+        noise: Variance of an observation's noise, above 0.
+
+    Returns:
+        (n,) float64 means and (n,) float64 standard deviations, the noise left out.
+    """
+    if not len(tried):
+        return np.zeros(len(points)), np.ones(len(points))
+    covariance = matern52(tried, tried, length_scale) + noise * np.eye(len(tried))
+    lower = np.linalg.cholesky(covariance)
+    between = matern52(tried, points, length_scale)
+    whitened = np.linalg.solve(lower, between)
+    means = whitened.T @ np.linalg.solve(lower, differences)
+    # Rounding may leave a variance a little below 0 where the same point was observed again and again.
+    variances = np.maximum(1.0 - (whitened**2).sum(axis=0), 0.0)
+    return means, np.sqrt(variances)

@@ -1,0 +1,37 @@
+"""The Gaussian process is that of scikit-learn with the same kernel."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from sklearn.gaussian_process import GaussianProcessRegressor
+from sklearn.gaussian_process.kernels import Matern
+
+from pga_me_ros.core.adaptation.gaussian_process import matern52, posterior
+
+
+@pytest.mark.parametrize(("count", "dimensions"), [(1, 1), (7, 2), (20, 4)])
+def test_mean_and_deviation_are_those_of_scikit_learn(count: int, dimensions: int) -> None:
+    rng = np.random.default_rng(count)
+    points, tried = rng.random((50, dimensions)), rng.random((count, dimensions))
+    tried[-1] = tried[0]  # a behavior that was tried twice
+    observed = rng.normal(size=count)
+    oracle = GaussianProcessRegressor(Matern(0.4, nu=2.5), alpha=0.001, optimizer=None)
+    oracle.fit(tried, observed)
+    means, deviations = posterior(points, tried, observed, 0.4, 0.001)
+    expected_means, expected_deviations = oracle.predict(points, return_std=True)
+    np.testing.assert_allclose(means, expected_means, rtol=1e-8, atol=1e-8)
+    np.testing.assert_allclose(deviations, expected_deviations, rtol=1e-6, atol=1e-6)
+
+
+def test_without_observations_all_is_prior() -> None:
+    means, deviations = posterior(np.zeros((3, 2)), np.empty((0, 2)), np.empty(0), 0.4, 0.001)
+    assert means.tolist() == [0.0, 0.0, 0.0]
+    assert deviations.tolist() == [1.0, 1.0, 1.0]
+
+
+def test_a_point_that_is_observed_again_and_again_keeps_a_deviation() -> None:
+    tried = np.zeros((200, 1))
+    _, deviations = posterior(np.zeros((1, 1)), tried, np.ones(200), 0.4, 1e-9)
+    assert 0.0 <= deviations[0] < 1e-4
+    assert matern52(tried[:1], tried[:1], 0.4) == 1.0
