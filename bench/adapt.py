@@ -3,8 +3,8 @@
 ``python bench/adapt.py --out build/adapt --seconds 500`` simulates for so long at most; the same command goes on, and
 prints the tables of docs/adaptation.md once everything is there.
 
-Every elite runs from the same few initial poses under each damage. A trial of an adaptation, or of random search, is one
-of these episodes, drawn at random; what was chosen counts by the mean over all of the elite's episodes. The hindsight
+Every elite runs from the same few poses under each damage. A trial of an adaptation, or of random search, is
+one of these episodes, drawn at random; what was chosen counts by the mean over all of the elite's episodes. The hindsight
 best is the elite with the greatest of these means. The hill climber's episodes are simulated.
 """
 
@@ -49,7 +49,7 @@ CLIMBS = 20
 CLIMB_TRIALS = 20
 
 
-class TimeUp(Exception):
+class TimeUpError(Exception):
     """The seconds of this call are over."""
 
 
@@ -62,10 +62,12 @@ class Bench:
     deadline: float
 
     def __post_init__(self) -> None:
+        """Read what the repertoire promises."""
         self.promises = PerformanceMap.of(self.run.choices())
         self.cells = self.promises.cells.tolist()
 
     def file(self, damage: str, kind: str) -> Path:
+        """Return the file of one kind of result."""
         return self.out / f"{kind}-{damage.replace(' ', '_')}.npz"
 
     def kept(self, file: Path, count: int, width: int) -> np.ndarray:
@@ -119,11 +121,13 @@ class Bench:
         return rows[:, 0]
 
     def episode(self, task: Any, controller: Any, pose: int) -> float:
+        """Return the fitness of an episode from one of the initial poses."""
         return rollout(task, controller, np.random.default_rng(10_000 + pose)).fitness
 
     def check_time(self) -> None:
+        """Raise TimeUpError if the seconds are over."""
         if time.monotonic() > self.deadline:
-            raise TimeUp
+            raise TimeUpError
 
 
 def save(file: Path, rows: np.ndarray) -> None:
@@ -206,7 +210,7 @@ def main() -> None:
             if damage:
                 bench.climbs(damage)
             print(f"there: {damage or 'sound'}", flush=True)
-    except TimeUp:
+    except TimeUpError:
         print("time is up; the same command goes on")
         return
     report(bench)

@@ -16,6 +16,8 @@ from pga_me_ros.dependencies import report_missing_dependencies
 from pga_me_ros.process.early_signals import end_on_early_signals, is_own_program
 
 if TYPE_CHECKING:
+    from pga_me_ros.core.adaptation.adaptation import Adaptation, AdaptationSettings
+    from pga_me_ros.core.adaptation.performance_map import PerformanceMap
     from pga_me_ros.core.algorithms import ALGORITHMS
     from pga_me_ros.core.search import Search
     from pga_me_ros.core.settings import Settings
@@ -26,6 +28,9 @@ __version__ = "0.1.0"
 
 __all__ = [
     "ALGORITHMS",
+    "Adaptation",
+    "AdaptationSettings",
+    "PerformanceMap",
     "Search",
     "Settings",
     "StoredRun",
@@ -36,6 +41,9 @@ __all__ = [
 
 _MODULES = {
     "ALGORITHMS": "core.algorithms",
+    "Adaptation": "core.adaptation.adaptation",
+    "AdaptationSettings": "core.adaptation.adaptation",
+    "PerformanceMap": "core.adaptation.performance_map",
     "Search": "core.search",
     "Settings": "core.settings",
     "StoredRun": "library",

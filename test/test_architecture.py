@@ -48,6 +48,7 @@ MAY_IMPORT = {
         "core/variation",
         "tasks",
     },
+    "core/adaptation": {"core/archive", "core/settings"},
     "core/storage": {"core", "core/archive", "core/networks", "core/settings", "tasks"},
     "core/runs": {
         "core",

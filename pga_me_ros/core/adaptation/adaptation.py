@@ -135,7 +135,7 @@ class Adaptation:
         if not floor < best:
             if self._floor is not None:
                 raise RequestError(
-                    f"floor is {floor:g}, but the best behavior promises {best:g}; give a fitness that is nothing achieved."
+                    f"floor is {floor:g}, but the best behavior promises {best:g}; give what counts as nothing."
                 )
             floor = best - 1.0
         self._promises, self._base, self._span = promises, floor, best - floor
