@@ -3,8 +3,8 @@
 ``python bench/adapt.py --out build/adapt --seconds 500`` simulates for so long at most; the same command goes on, and
 prints the tables of docs/adaptation.md once everything is there.
 
-Every elite runs from the same few poses under each damage. A trial of an adaptation, or of random search, is
-one of these episodes, drawn at random; what was chosen counts by the mean over all of the elite's episodes. The hindsight
+Every elite runs from the same few poses under each damage. A trial of an adaptation, or of random search, is one of
+these episodes, drawn at random; what was chosen counts by the mean over all of the elite's episodes. The hindsight
 best is the elite with the greatest of these means. The hill climber's episodes are simulated.
 """
 
