@@ -26,6 +26,12 @@ class Controller:
         parameters: (P,) float32, per layer the weights (out, in) row by row, then the biases; read-only.
         observation_names: What each entry of the observation is.
         observation_units: Unit of each entry.
+        observation_low: Least value of each entry; empty if unknown or unlimited.
+        observation_high: Greatest value of each entry, likewise.
+        joint_names: Joints whose position is the entry ``NAME/position``: -1 at the lower limit, +1 at the upper one.
+        joint_low: Lower limit of each of these joints, rad or m.
+        joint_high: Upper limit of each of these joints, rad or m.
+        descriptor_names: What each entry of the behavior's descriptor is.
         action_names: What each entry of the action drives.
         action_units: Unit of each entry.
         action_low: Least value of each action entry.
@@ -42,6 +48,12 @@ class Controller:
         self.parameters.flags.writeable = False
         self.observation_names = tuple(msg.observation_names)
         self.observation_units = tuple(msg.observation_units)
+        self.observation_low = read_only(msg.observation_low)
+        self.observation_high = read_only(msg.observation_high)
+        self.joint_names = tuple(msg.joint_names)
+        self.joint_low = read_only(msg.joint_low)
+        self.joint_high = read_only(msg.joint_high)
+        self.descriptor_names = tuple(msg.descriptor_names)
         self.action_names = tuple(msg.action_names)
         self.action_units = tuple(msg.action_units)
         self.action_low = read_only(msg.action_low)
@@ -112,6 +124,13 @@ def _checked_shape(msg: ControllerMsg) -> MlpShape:
         )
     widths = {"observation_names": 0, "observation_units": 0}
     widths |= {"action_names": -1, "action_units": -1, "action_low": -1, "action_high": -1}
+    if msg.observation_low or msg.observation_high:
+        widths |= {"observation_low": 0, "observation_high": 0}
+    if not len(msg.joint_names) == len(msg.joint_low) == len(msg.joint_high):
+        raise NetworkError(
+            f"The controller has {len(msg.joint_names)} joint_names, {len(msg.joint_low)} joint_low and "
+            f"{len(msg.joint_high)} joint_high; the message is malformed."
+        )
     for name, layer in widths.items():
         if len(getattr(msg, name)) != shape.sizes[layer]:
             raise NetworkError(

@@ -17,6 +17,7 @@ from pga_me_ros.core.storage.stored_run import StoredRun
 OF_ROBOT = (
     *("observation_names", "observation_units", "action_names", "action_units"),
     *("action_low", "action_high", "control_period"),
+    *("observation_low", "observation_high", "joint_names", "joint_low", "joint_high"),
 )
 """What a controller's user must know of the robot; attributes of a task's spec, and of a served controller."""
 

@@ -19,6 +19,8 @@ from pga_me_ros.ros.convert import PURE_NUMBER
 
 ENDINGS = (".onnx", ".npz")
 
+_LIMITED = ("action", "observation", "joint")
+
 
 def require_savable(path: Path) -> None:
     """Make sure, before anything is asked for, that a behavior can be saved under a name.
@@ -64,8 +66,8 @@ def _about(behavior: Behavior, info: RepertoireInfo) -> dict[str, str]:
     own = {
         "observation_units": _units(controller.observation_units),
         "action_units": _units(controller.action_units),
-        "action_low": controller.action_low.tolist(),
-        "action_high": controller.action_high.tolist(),
+        **{f"{kind}_low": getattr(controller, f"{kind}_low").tolist() for kind in _LIMITED},
+        **{f"{kind}_high": getattr(controller, f"{kind}_high").tolist() for kind in _LIMITED},
     }
     robot = {name: own.get(name, getattr(controller, name)) for name in OF_ROBOT}
     known = {"descriptor_names": info.descriptor_names, **robot}

@@ -15,6 +15,7 @@ from pga_me_ros.errors import RequestError, StorageError
 from pga_me_ros.experiment.experiment_file import REFERENCE, read_experiment
 from pga_me_ros.experiment.plan import COPY
 from pga_me_ros.report.compared_run import ComparedRun, Curve
+from pga_me_ros.tasks.spec import OPTIONAL_FIELDS
 
 METRICS = {
     "qd_score": "QD-score",
@@ -133,7 +134,9 @@ def compare(
 
 def _task_comparison(task: str, systems: dict[str, list[ComparedRun]]) -> TaskComparison:
     runs = [run for own in systems.values() for run in own]
-    other = next((run for run in runs if run.spec != runs[0].spec), None)
+    # Optional fields tell more, not something else: runs of older versions lack them.
+    known = [{k: v for k, v in vars(run.spec).items() if k not in OPTIONAL_FIELDS} for run in runs]
+    other = next((run for run, own in zip(runs, known, strict=True) if own != known[0]), None)
     if other:
         raise RequestError(
             f"'{other.file}' and '{runs[0].file}' are runs of different tasks that are both called {task}; compare "

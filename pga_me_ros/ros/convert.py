@@ -320,10 +320,12 @@ def controller_to_msg(parameters: Float32Array, shape: MlpShape, spec: TaskSpec)
     msg.layer_sizes = flat(shape.sizes, "q")
     msg.activations = ["relu"] * (len(shape.sizes) - 2) + ["tanh"]
     msg.parameters = flat(parameters, "f")
-    msg.observation_names = list(spec.observation_names)
-    msg.observation_units = [unit or PURE_NUMBER for unit in spec.observation_units]
-    msg.action_names = list(spec.action_names)
-    msg.action_units = [unit or PURE_NUMBER for unit in spec.action_units]
-    msg.action_low = flat(spec.action_low, "d")
-    msg.action_high = flat(spec.action_high, "d")
+    for kind in ("observation", "action"):
+        setattr(msg, f"{kind}_names", list(getattr(spec, f"{kind}_names")))
+        units = [unit or PURE_NUMBER for unit in getattr(spec, f"{kind}_units")]
+        setattr(msg, f"{kind}_units", units)
+    for kind in ("observation", "action", "joint"):  # empty if unknown
+        setattr(msg, f"{kind}_low", flat(getattr(spec, f"{kind}_low"), "d"))
+        setattr(msg, f"{kind}_high", flat(getattr(spec, f"{kind}_high"), "d"))
+    msg.joint_names, msg.descriptor_names = list(spec.joint_names), list(spec.descriptor_names)
     return msg

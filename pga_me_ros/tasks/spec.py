@@ -38,6 +38,12 @@ class TaskSpec:
             descriptor; empty if the descriptor is something else. Algorithm `qd_rl` needs them.
         step_descriptor_delay: 0 if the observation that a step returns shows what the step adds to these means, 1 if
             that of the step after it does.
+        observation_low: Least value of each observation entry; empty if unknown, or if an entry has no limit.
+        observation_high: Greatest value of each observation entry; as long as `observation_low`.
+        joint_names: Joints whose position is the observation entry ``NAME/position``, as -1 at the lower and +1 at the
+            upper limit; empty if there are none.
+        joint_low: Lower limit of each of them, rad or m.
+        joint_high: Upper limit of each of them, rad or m.
 
     Raises:
         TaskError: A field has the wrong type or length, or low is not below high, or their difference is not finite.
@@ -59,6 +65,11 @@ class TaskSpec:
     archive_bins: tuple[int, ...]
     step_descriptor_names: tuple[str, ...] = ()
     step_descriptor_delay: int = 0
+    observation_low: tuple[float, ...] = ()
+    observation_high: tuple[float, ...] = ()
+    joint_names: tuple[str, ...] = ()
+    joint_low: tuple[float, ...] = ()
+    joint_high: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         """Check every field, so that every spec that exists is valid."""
@@ -75,6 +86,7 @@ class TaskSpec:
             self._check_bounds(kind)
         self._check_sizes()
         self._check_step_descriptor()
+        self._check_measured()
 
     @property
     def observation_dim(self) -> int:
@@ -174,6 +186,22 @@ class TaskSpec:
                 )
         if type(delay) is not int or delay not in (0, 1):
             raise TaskError(f"TaskSpec.step_descriptor_delay is {delay!r}; expected 0 or 1")
+
+    def _check_measured(self) -> None:
+        limits = ("observation_low", "observation_high")
+        length = self.observation_dim if any(getattr(self, field) for field in limits) else 0
+        for field in limits:
+            self._check_tuple(field, float, length)
+        self._check_tuple("joint_names", str, None)
+        for field in ("joint_low", "joint_high"):
+            self._check_tuple(field, float, len(self.joint_names))
+        for kind in ("observation", "joint"):
+            self._check_bounds(kind)
+        for joint in self.joint_names:
+            if f"{joint}/position" not in self.observation_names:
+                raise TaskError(
+                    f"TaskSpec.joint_names has '{joint}', but the observation has no entry '{joint}/position'"
+                )
 
 
 OPTIONAL_FIELDS = frozenset(

@@ -15,12 +15,13 @@ import numpy as np
 
 from pga_me_ros.arrays import Float32Array, Float64Array
 from pga_me_ros.tasks.body import Body
+from pga_me_ros.tasks.bullet import robots
 from pga_me_ros.tasks.bullet.coincidence import places_of
 from pga_me_ros.tasks.bullet.damaged import Damaged
 from pga_me_ros.tasks.bullet.heading import Heading, Vector
 from pga_me_ros.tasks.bullet.motors import Motors
 from pga_me_ros.tasks.bullet.randomized import Randomized
-from pga_me_ros.tasks.bullet.robots import ANT, HALF_CHEETAH, HOPPER, WALKER, Robot, build_spec
+from pga_me_ros.tasks.bullet.robots import OBSERVATION_LIMIT, Robot, build_spec
 from pga_me_ros.tasks.bullet.sums import Float32Means, threshold_after_rounding
 from pga_me_ros.tasks.bullet.world import World
 from pga_me_ros.tasks.spec import TaskSpec
@@ -33,7 +34,6 @@ INITIAL_SPREAD = 0.1
 """Initial joint positions are uniform within this angle of 0, rad."""
 
 _AT_LIMIT = threshold_after_rounding(0.99)
-_OBSERVATION_LIMIT = 5.0
 _JOINT_OFFSET = 8
 
 Quaternion = tuple[float, float, float, float]
@@ -141,7 +141,7 @@ class LocomotionTask:
         observation = np.array(self._measure(), np.float32)
         rounded = observation.tolist()
         electricity = self._electricity(commands, rounded[_JOINT_OFFSET + 1 : self._joint_end : 2])
-        if max(rounded) > _OBSERVATION_LIMIT or min(rounded) < -_OBSERVATION_LIMIT:
+        if max(rounded) > OBSERVATION_LIMIT or min(rounded) < -OBSERVATION_LIMIT:
             rounded = _clip(observation).tolist()
         alive = self._is_alive(rounded[0])
         self._read_contacts()
@@ -290,32 +290,32 @@ class LocomotionTask:
 
 def _clip(observation: Float32Array) -> Float32Array:
     """Limit an observation to ±5 in place and return it."""
-    return np.clip(observation, -_OBSERVATION_LIMIT, _OBSERVATION_LIMIT, out=observation)
+    return np.clip(observation, -OBSERVATION_LIMIT, OBSERVATION_LIMIT, out=observation)
 
 
 class QDWalker(LocomotionTask):
     """A planar biped; the descriptor is (right foot, left foot)."""
 
-    robot = WALKER
-    spec = build_spec("qd_walker", WALKER, 1024, (32, 32))
+    robot = robots.WALKER
+    spec = build_spec("qd_walker", robots.WALKER, 1024, (32, 32))
 
 
 class QDHalfCheetah(LocomotionTask):
     """A planar two-legged runner that cannot fall; the descriptor is (front foot, back foot)."""
 
-    robot = HALF_CHEETAH
-    spec = build_spec("qd_half_cheetah", HALF_CHEETAH, 1024, (32, 32))
+    robot = robots.HALF_CHEETAH
+    spec = build_spec("qd_half_cheetah", robots.HALF_CHEETAH, 1024, (32, 32))
 
 
 class QDAnt(LocomotionTask):
     """A quadruped; the descriptor is (front left, front right, back left, back right foot)."""
 
-    robot = ANT
-    spec = build_spec("qd_ant", ANT, 1296, (6, 6, 6, 6))
+    robot = robots.ANT
+    spec = build_spec("qd_ant", robots.ANT, 1296, (6, 6, 6, 6))
 
 
 class QDHopper(LocomotionTask):
     """A planar one-legged hopper; the descriptor is its foot."""
 
-    robot = HOPPER
-    spec = build_spec("qd_hopper", HOPPER, 1000, (1000,))
+    robot = robots.HOPPER
+    spec = build_spec("qd_hopper", robots.HOPPER, 1000, (1000,))

@@ -18,6 +18,9 @@ Written with the engine's four substeps, because that rounds differently from 0.
 
 MAX_STEPS = 1000
 
+OBSERVATION_LIMIT = 5.0
+"""Every entry of an observation is limited to plus or minus this."""
+
 _TORSO_NAMES = (
     "torso/height",
     "target/sin",
@@ -42,6 +45,8 @@ class Robot:
         model: File below ``mjcf/`` of pybullet_data.
         torso_is_base: Whether the torso is the free base of the body (Ant) or a link behind slides
             and a hinge.
+        joint_limits: Lower and upper limit of each actuated joint as PyBullet reads the model, rad, in the order of
+            `torques`.
         torques: Torque of each actuated joint at an action of 1, N·m, in the order of the joint
             indices.
         contact_links: Links whose contact with the floor is observed, in the order of the
@@ -56,6 +61,7 @@ class Robot:
     model: str
     torso_is_base: bool
     torques: dict[str, float]
+    joint_limits: tuple[tuple[float, float], ...]
     contact_links: tuple[str, ...]
     feet: tuple[str, ...]
     min_height: float | None
@@ -75,6 +81,7 @@ def build_spec(name: str, robot: Robot, cells: int, bins: tuple[int, ...]) -> Ta
     """
     joints, links = tuple(robot.torques), robot.contact_links
     joint_names = tuple(f"{joint}/{what}" for joint in joints for what in ("position", "velocity"))
+    entries = len(_TORSO_NAMES) + len(joint_names) + len(links)
     return TaskSpec(
         name=name,
         observation_names=_TORSO_NAMES + joint_names + tuple(f"{link}/contact" for link in links),
@@ -92,8 +99,20 @@ def build_spec(name: str, robot: Robot, cells: int, bins: tuple[int, ...]) -> Ta
         archive_bins=bins,
         step_descriptor_names=tuple(f"{foot}/contact" for foot in robot.feet),
         step_descriptor_delay=1,  # see _CONTACT_UNIT
+        observation_low=(-OBSERVATION_LIMIT,) * entries,
+        observation_high=(OBSERVATION_LIMIT,) * entries,
+        joint_names=joints,
+        joint_low=tuple(low for low, _ in robot.joint_limits),
+        joint_high=tuple(high for _, high in robot.joint_limits),
     )
 
+
+# Limits, rad: models give degrees, which PyBullet turns into float32.
+_LEG = (-2.6179940700531006, 0.0)
+_FOOT = (-0.7853981852531433, 0.7853981852531433)
+_HIP = (-0.6981317400932312, 0.6981317400932312)
+_FORWARD = (0.5235987901687622, 1.7453292608261108)
+_BACKWARD = (-1.7453292608261108, -0.5235987901687622)
 
 WALKER = Robot(
     model="walker2d.xml",
@@ -106,6 +125,7 @@ WALKER = Robot(
         "leg_left_joint": 40.0,
         "foot_left_joint": 12.0,
     },
+    joint_limits=2 * (_LEG, _LEG, _FOOT),
     contact_links=("foot", "foot_left"),
     feet=("foot", "foot_left"),
     min_height=0.8,
@@ -125,6 +145,14 @@ HALF_CHEETAH = Robot(
         "fshin": 54.0,
         "ffoot": 27.0,
     },
+    joint_limits=(
+        (-0.5199999809265137, 1.0499999523162842),
+        (-0.7850000262260437, 0.7850000262260437),
+        (-0.4000000059604645, 0.7850000262260437),
+        (-1.5, 0.800000011920929),
+        (-1.2000000476837158, 1.100000023841858),
+        (-3.0999999046325684, -0.30000001192092896),
+    ),
     contact_links=("ffoot", "fshin", "fthigh", "bfoot", "bshin", "bthigh"),
     feet=("ffoot", "bfoot"),
     min_height=None,
@@ -137,6 +165,7 @@ ANT = Robot(
     model="ant.xml",
     torso_is_base=True,
     torques={f"{joint}_{leg}": 250.0 for leg in (1, 2, 3, 4) for joint in ("hip", "ankle")},
+    joint_limits=(_HIP, _FORWARD, _HIP, _BACKWARD, _HIP, _BACKWARD, _HIP, _FORWARD),
     contact_links=("front_left_foot", "front_right_foot", "left_back_foot", "right_back_foot"),
     feet=("front_left_foot", "front_right_foot", "left_back_foot", "right_back_foot"),
     min_height=0.26,
@@ -149,6 +178,7 @@ HOPPER = Robot(
     model="hopper.xml",
     torso_is_base=False,
     torques={"thigh_joint": 75.0, "leg_joint": 75.0, "foot_joint": 75.0},
+    joint_limits=(_LEG, _LEG, _FOOT),
     contact_links=("foot",),
     feet=("foot",),
     min_height=0.8,
