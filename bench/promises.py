@@ -13,6 +13,7 @@ import json
 import os
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
+from functools import cache
 from multiprocessing import get_context
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as in evaluators
@@ -49,6 +50,12 @@ class Answer:
     falls: int
 
 
+@cache
+def loaded(name: str) -> StoredRun:
+    """Read a run, once in each process."""
+    return StoredRun.load(name)
+
+
 def asked_for(
     run: StoredRun, demands: Demands, count: int, rng: np.random.Generator
 ) -> NDArray[np.float64]:
@@ -69,7 +76,7 @@ def answer(
     name: str, max_fall_share: float | None, descriptor: list[float], seeds: range
 ) -> Answer:
     """Ask for a descriptor, and run the behavior from as many starts as there are seeds."""
-    run = StoredRun.load(name)
+    run = loaded(name)
     extent = np.subtract(run.spec.descriptor_high, run.spec.descriptor_low)
     gait = run.choose(descriptor=descriptor, max_fall_share=max_fall_share)
     task = make_task(run.settings.task, run.settings.randomization)

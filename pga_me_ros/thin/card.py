@@ -84,10 +84,10 @@ def card(
 
 def _origin(run: StoredRun, count: int) -> Iterator[str]:
     last, settings = run.metrics[-1], run.settings
+    took = f" in {len(run.generations):,} generations, {duration(run.generations)} (pauses left out)"
     yield (
-        f"Grown by {algorithm_of(settings).title}, seed {settings.seed}: {last.evaluations:,} evaluations in "
-        f"{len(run.generations):,} generations, {duration(run.generations)} (pauses left out), begun "
-        f"{run.info.created[:10]}. Run {run.info.run_id}."
+        f"Grown by {algorithm_of(settings).title}, seed {settings.seed}: {last.evaluations:,} evaluations"
+        f"{'' if run.is_thinned else took}, begun {run.info.created[:10]}. Run {run.info.run_id}."
     )
     yield f"Libraries: {', '.join(f'{k} {v}' for k, v in sorted(run.info.versions.items()))}."
     changed = {
@@ -98,8 +98,9 @@ def _origin(run: StoredRun, count: int) -> Iterator[str]:
     if changed:
         words = "; ".join(f"{name}: {', '.join(values)}" for name, values in changed.items())
         yield f"Rates that were changed on the way: {words}."
+    elites = "behaviors that were kept of it before" if run.is_thinned else "elites"
     yield (
-        f"Of its {last.coverage:,} elites, these {count} have the greatest mean fitness in their parts of the "
+        f"Of its {last.coverage:,} {elites}, these {count} have the greatest mean fitness in their parts of the "
         "descriptor space."
     )
     yield ""
@@ -110,7 +111,7 @@ def _measures(
 ) -> Iterator[str]:
     yield "From initial poses that the run has not seen, the same ones for all:"
     yield ""
-    yield "| | all of the run | these |"
+    yield f"| | {'kept before' if run.is_thinned else 'all of the run'} | these |"
     yield "|---|---|---|"
     for words, field, how in MEASURES:
         values = [getattr(m, field) for m in measured]
@@ -172,6 +173,8 @@ def _commands(run: StoredRun, repeats: int, command: str) -> Iterator[str]:
     words = " ".join(f"-p {name}:={_word(value)}" for name, value in given.items())
     yield "```"
     yield f"ros2 run pga_me_ros orchestrator --ros-args {words} -p run_dir:=RUN"
+    if run.is_thinned:
+        yield "# then reevaluate and thin, as the card of what was kept before says; RUN is its folder from here on"
     yield f"ros2 run pga_me_ros reevaluate RUN --repeats {repeats}"
     yield command
     yield "```"

@@ -101,6 +101,17 @@ def test_the_card_tells_where_it_comes_from(run: StoredRun, zoo: Path) -> None:
     assert re.search(r"foot/contact_share \d\.\d\d to \d\.\d\d", card)
 
 
+def test_what_is_thinned_again_does_not_pass_for_a_run(named: StoredRun, tmp_path: Path) -> None:
+    assert named.is_thinned
+    assert main([str(named.file), "--out", str(tmp_path / "less"), "--cells", "2"]) == 0
+    card = (tmp_path / "less" / "card.md").read_text()
+    assert "60 evaluations, begun" in card
+    assert f"Of its {KEPT} behaviors that were kept of it before, these 2 have" in card
+    assert "| | kept before | these |" in card
+    assert "as the card of what was kept before says" in card
+    assert StoredRun.load(tmp_path / "less").is_thinned
+
+
 def test_the_file_can_be_read_where_nothing_can_be_written(
     zoo: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
