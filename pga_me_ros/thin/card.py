@@ -84,7 +84,9 @@ def card(
 
 def _origin(run: StoredRun, count: int) -> Iterator[str]:
     last, settings = run.metrics[-1], run.settings
-    took = f" in {len(run.generations):,} generations, {duration(run.generations)} (pauses left out)"
+    took = (
+        f" in {len(run.generations):,} generations, {duration(run.generations)} (pauses left out)"
+    )
     yield (
         f"Grown by {algorithm_of(settings).title}, seed {settings.seed}: {last.evaluations:,} evaluations"
         f"{'' if run.is_thinned else took}, begun {run.info.created[:10]}. Run {run.info.run_id}."
