@@ -12,6 +12,7 @@ from pga_me_msgs.msg import Metrics, Progress
 
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.orchestration.control import Control
+from pga_me_ros.orchestration.time_left import TimeLeft
 from pga_me_ros.ros import names, qos
 
 WINDOW = 20
@@ -42,10 +43,23 @@ class ProgressReporter:
         self.msg.max_fitness = self.msg.eta = math.nan
         self._publisher = control.create_publisher(Progress, names.PROGRESS, qos.LATCHED)
         self._times: deque[tuple[float, int]] = deque(maxlen=WINDOW + 1)
+        self._time_left = TimeLeft(0, 0, 0)
+        self._batch_size = 1
+        self._first_later = 0
 
-    def begin(self, run_id: str, settings: Settings) -> None:
-        """Say which run it is."""
+    def begin(self, run_id: str, settings: Settings, max_steps: int) -> None:
+        """Say which run it is.
+
+        Args:
+            run_id: Id of the run.
+            settings: Its settings.
+            max_steps: Maximum steps of an episode.
+        """
         self.msg.run_id, self.msg.task = run_id, settings.task
+        self._batch_size, self._first_later = settings.batch_size, settings.init_generations
+        self._time_left = TimeLeft(
+            settings.init_generations, settings.generations, settings.batch_size * max_steps
+        )
         self.msg.generations = settings.generations
         self.msg.budget = settings.generations * settings.batch_size
         self.publish()
@@ -72,7 +86,7 @@ class ProgressReporter:
         msg.cells, msg.coverage = metrics.cells, metrics.coverage
         msg.qd_score, msg.max_fitness = metrics.qd_score, metrics.max_fitness
         if finished:
-            self._measure()
+            self._note_generation(metrics)
             self._control.terminal.show(self.parts())
         self.publish()
 
@@ -85,7 +99,12 @@ class ProgressReporter:
         """
         self.msg.final_reevaluations, self.msg.final_budget = done, total
         self.enter("re-evaluating")
-        self._measure()
+        if self._measure():
+            self.msg.eta = self._left / self.msg.rate
+        else:
+            self.msg.eta = self._time_left.seconds(
+                self.msg.generation + 1, total / self._batch_size
+            )
         self._control.terminal.show(self.parts())
         self.publish()
 
@@ -127,19 +146,31 @@ class ProgressReporter:
 
     @property
     def _left(self) -> int:
-        """Evaluations to do, as far as it is known how many elites there will be to evaluate again."""
-        m = self.msg
-        budget = m.final_budget or self._control.options.reevaluations * m.coverage
-        return int(max(0, m.budget - m.evaluations) + budget - m.final_reevaluations)
+        """Re-evaluations to do."""
+        return int(self.msg.final_budget - self.msg.final_reevaluations)
 
-    def _measure(self) -> None:
-        """Take rate and remaining time from the last generations, or the last re-evaluations."""
+    def _note_generation(self, metrics: Metrics) -> None:
+        """Take rate and remaining time from the generations so far."""
+        msg = self.msg
+        began, _ = self._times[-1]
+        if msg.generation == self._first_later:
+            self._times = deque(
+                [self._times[-1]], maxlen=WINDOW + 1
+            )  # random controllers are quick
+        self._measure()
+        self._time_left.note(msg.generation, self._times[-1][0] - began, metrics.steps)
+        elites = self._control.options.reevaluations * msg.coverage / self._batch_size
+        msg.eta = self._time_left.seconds(msg.generation + 1, elites)
+
+    def _measure(self) -> bool:
+        """Take the rate from the last generations or re-evaluations; return whether it is known."""
         msg = self.msg
         self._times.append((time.monotonic(), self._done))
         (t0, n0), (t1, n1) = self._times[0], self._times[-1]
-        if t1 > t0 and n1 > n0:
-            msg.rate = (n1 - n0) / (t1 - t0)
-            msg.eta = self._left / msg.rate
+        if not (t1 > t0 and n1 > n0):
+            return False
+        msg.rate = (n1 - n0) / (t1 - t0)
+        return True
 
 
 def _duration(seconds: float) -> str:

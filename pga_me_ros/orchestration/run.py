@@ -53,6 +53,7 @@ class Run:
         self._directory = directory
         self._options = options
         self._progress = progress
+        self._max_steps = spec.max_steps
         self._waiter = Waiter(self._look, lambda: self._team.roster.arrivals)
         settings = directory.settings
         shape = controller_shape(spec, settings)
@@ -106,7 +107,7 @@ class Run:
         """
         settings = self._directory.settings
         todo = range(self._directory.next_generation, settings.generations)
-        self._progress.begin(self._directory.run_id, settings)
+        self._progress.begin(self._directory.run_id, settings, self._max_steps)
         for note in self._directory.notes:
             self._progress.say(f"note: {note}")
         self._team.start_archive(grow=bool(todo))
