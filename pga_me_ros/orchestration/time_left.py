@@ -19,8 +19,8 @@ class TimeLeft:
     """Remaining time of a run.
 
     The initial generations are cheap: random controllers fall at once, and nothing is trained. So they say nothing
-    about those to come. After them, a generation takes a fixed time, for training, and a time for each simulated step; both
-    are fitted. Episodes get longer as controllers get better, and are expected to do so for as many generations as
+    about those to come. After them, a generation takes a fixed time, for training, and a time for each simulated step;
+    both are fitted. Episodes get longer as controllers get better, and are expected to do so for as many generations as
     they have until now, but never to exceed their time limit.
 
     Args:

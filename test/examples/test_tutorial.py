@@ -17,7 +17,10 @@ from pga_me_msgs.srv import GetBehavior
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 
-GROW, REPORT, SERVE, RUN = range(4)
+GROW, REPORT, SERVE, RUN, RUN_A_STEADY_ONE, DRAW = range(6)
+
+
+TEXT = (ROOT / "docs" / "tutorial.md").read_text()
 
 
 @dataclass
@@ -42,20 +45,39 @@ def tutorial(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Tutorial]:
 
 def test_the_report_makes_the_named_pictures(tutorial: Tutorial) -> None:
     tutorial.shell.run(tutorial.commands[REPORT])
-    named = re.findall(r"`([^` ]+\.png)`", (ROOT / "docs" / "tutorial.md").read_text())
+    named = re.findall(r"`([^` ]+\.png)`", TEXT)
     made = {path.name for path in (tutorial.shell.folder / "runs").rglob("*.png")}
     assert len(named) == 3
     assert {Path(name).name for name in named} <= made
 
 
-def test_the_robot_runs_the_gait_that_it_asked_for(tutorial: Tutorial) -> None:
+@pytest.fixture(scope="module")
+def robot(tutorial: Tutorial) -> Tutorial:
+    """Save the robot's program where the tutorial says."""
     (code,) = blocks("tutorial.md", "python")
     (tutorial.shell.folder / "robot.py").write_text(code)
-    output = tutorial.shell.run(tutorial.commands[RUN])
+    return tutorial
+
+
+def test_the_robot_runs_the_gait_that_it_asked_for(robot: Tutorial) -> None:
+    output = robot.shell.run(robot.commands[RUN])
     assert re.findall(r"^(\w+): fitness -?[0-9.]+, foot", output, re.MULTILINE) == [
         "promised",
         "achieved",
     ]
+    assert re.search(r"^(fell|still up) after \d+\.\d s$", output, re.MULTILINE)
+
+
+def test_the_last_robot_keeps_its_promise_as_shown(robot: Tutorial) -> None:
+    output = robot.shell.run(robot.commands[RUN_A_STEADY_ONE])
+    (shown,) = re.findall(r"^```\n(promised.*?)```$", TEXT, re.DOTALL | re.MULTILINE)
+    assert output == shown
+    assert output.endswith("still up after 16.5 s\n")
+
+
+def test_the_last_robot_can_be_seen(robot: Tutorial) -> None:
+    small = robot.commands[DRAW].strip() + " --seconds 0.2"
+    assert "hop.gif" in robot.shell.run(small)
 
 
 def test_the_request_of_the_shell_example_is_answered(tutorial: Tutorial) -> None:
