@@ -322,8 +322,7 @@ def controller_to_msg(parameters: Float32Array, shape: MlpShape, spec: TaskSpec)
     msg.parameters = flat(parameters, "f")
     for kind in ("observation", "action"):
         setattr(msg, f"{kind}_names", list(getattr(spec, f"{kind}_names")))
-        units = [unit or PURE_NUMBER for unit in getattr(spec, f"{kind}_units")]
-        setattr(msg, f"{kind}_units", units)
+        setattr(msg, f"{kind}_units", [u or PURE_NUMBER for u in getattr(spec, f"{kind}_units")])
     for kind in ("observation", "action", "joint"):  # empty if unknown
         setattr(msg, f"{kind}_low", flat(getattr(spec, f"{kind}_low"), "d"))
         setattr(msg, f"{kind}_high", flat(getattr(spec, f"{kind}_high"), "d"))
