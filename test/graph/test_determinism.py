@@ -9,16 +9,20 @@ import pytest
 from graph import Graph
 from reference import ES, run_digest, search_digest
 
-WALKER: dict[str, Any] = {"task": "qd_walker", "evaluations": 50}
+SEED = 1
+"""With this seed, robots fall early in every variant; with seed 0, MAP-Elites-ES simulates 30 times as long."""
+
+WALKER: dict[str, Any] = {"task": "qd_walker", "seed": SEED, "evaluations": 50}
 ANT: dict[str, Any] = {
     "task": "qd_ant",
+    "seed": 2,
     "evaluations": 15,
     "batch_size": 5,
     "random_init": 5,
     "n_evo": 2,
 }
 
-DCRL: dict[str, Any] = {"algorithm": "dcrl_map_elites", "evaluations": 40}
+DCRL: dict[str, Any] = {"algorithm": "dcrl_map_elites", "seed": SEED, "evaluations": 40}
 
 VARIANTS: dict[str, dict[str, Any]] = {
     "alternating": {"schedule": "alternating", "pg_batches": "own", "n_evo": 0, "archive": "grid"},
@@ -57,13 +61,14 @@ def test_graph_and_search_give_the_same_repertoire(
 def test_graph_and_search_agree_on_every_variant(
     graph: Graph, tmp_path: Path, variant: dict[str, Any]
 ) -> None:
-    parameters = {"evaluations": 40, **variant}
+    parameters = {"evaluations": 40, "seed": SEED, **variant}
     run = graph.run(tmp_path / "run", **parameters, evaluators=2)
     assert run.wait() == 0, run.output
     assert run_digest(tmp_path / "run") == search_digest(**parameters)
 
 
-@pytest.mark.parametrize("change", [{"seed": 1}, *VARIANTS.values()], ids=str)
+@pytest.mark.parametrize("change", [{"seed": 2}, *VARIANTS.values()], ids=str)
 def test_another_seed_or_variant_gives_another_repertoire(change: dict[str, Any]) -> None:
-    parameters = {"evaluations": 40, "random_init": change.get("random_init", 10)}
+    start = change.get("random_init", 10)
+    parameters = {"evaluations": 40, "seed": SEED, "random_init": start}
     assert search_digest(**parameters) != search_digest(**{**parameters, **change})

@@ -21,7 +21,7 @@ KINDS = ("evaluator_0", "critic_trainer", "variation", "archive_manager")
     [
         {"n_crit": 100},
         {"algorithm": "td3"},
-        ES,
+        {**ES, "seed": 3, "evaluations": 160},
         {"algorithm": "qd_rl", "n_crit": 100},
         {"algorithm": "dcrl_map_elites", "n_crit": 100},
     ],

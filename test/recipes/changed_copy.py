@@ -28,9 +28,8 @@ class ChangedCopy:
     touched: set[str] = field(default_factory=set)
 
     def __post_init__(self) -> None:
-        """Copy the package."""
-        skipped = shutil.ignore_patterns("__pycache__")
-        shutil.copytree(ROOT / "pga_me_ros", self.folder / "pga_me_ros", ignore=skipped)
+        """Copy the package with its bytecode, which still fits the files that are not changed."""
+        shutil.copytree(ROOT / "pga_me_ros", self.folder / "pga_me_ros")
 
     def write(self, name: str, text: str) -> None:
         """Write a new file."""

@@ -6,13 +6,12 @@ import dataclasses
 import math
 from collections.abc import Callable
 from fractions import Fraction
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from ribs.archives import CVTArchive as RibsCvt
-from ribs.archives import GridArchive as RibsGrid
 
 from pga_me_ros.core.archive.archive import Archive
 from pga_me_ros.core.archive.cvt import CvtArchive
@@ -36,12 +35,21 @@ def grid() -> GridArchive:
     return GridArchive((6, 5), [0, 0], [1, 1], P)
 
 
-def ribs_for(archive: Archive) -> RibsCvt | RibsGrid:
+def ribs_grid(**arguments: Any) -> Any:
+    # Not at the top: this takes seconds in each process that collects tests.
+    from ribs.archives import GridArchive as RibsGrid
+
+    return RibsGrid(solution_dim=P, **arguments)
+
+
+def ribs_for(archive: Archive) -> Any:
+    from ribs.archives import CVTArchive
+
     fields = {"evaluation": ((), np.int64)}
-    common = {"solution_dim": P, "ranges": [(0.0, 1.0)] * 2, "extra_fields": fields}
+    common = {"ranges": [(0.0, 1.0)] * 2, "extra_fields": fields}
     if archive.bins:
-        return RibsGrid(dims=archive.bins, **common)
-    return RibsCvt(centroids=archive.centroids, **common)
+        return ribs_grid(dims=archive.bins, **common)
+    return CVTArchive(solution_dim=P, centroids=archive.centroids, **common)
 
 
 @pytest.fixture(params=[cvt, grid], ids=["cvt", "grid"])
@@ -201,7 +209,7 @@ def test_cells_at_the_edges_of_bins_equal_those_of_pyribs(
     )
     ours = GridArchive((bins,), [bounds[0]], [bounds[1]], P)
     tolerance = ON_EDGE * (bounds[1] - bounds[0])
-    theirs = RibsGrid(solution_dim=P, dims=(bins,), ranges=[bounds], epsilon=tolerance)
+    theirs = ribs_grid(dims=(bins,), ranges=[bounds], epsilon=tolerance)
     expected = np.minimum(np.arange(bins + 1), bins - 1)
     assert ours.cell_of(edges[:, None]).tolist() == expected.tolist()
     for shift in (-1e-3 * width, 0.0, 1e-3 * width):
@@ -219,7 +227,7 @@ def test_cells_at_the_edges_equal_those_of_pyribs_with_its_own_tolerance(
     low, high = (Fraction(str(bound)) for bound in bounds)
     edges = np.array([float(low + (high - low) * j / bins) for j in range(bins + 1)])
     ours = GridArchive((bins,), [bounds[0]], [bounds[1]], P)
-    theirs = RibsGrid(solution_dim=P, dims=(bins,), ranges=[bounds])
+    theirs = ribs_grid(dims=(bins,), ranges=[bounds])
     near = 1e-4 * float(high - low) / bins
     below, above = np.nextafter(edges, -math.inf), np.nextafter(edges, math.inf)
     for asked in (edges, below, above, edges - near, edges + near):

@@ -16,7 +16,9 @@ from pga_me_ros.core.settings import Settings
 from pga_me_ros.core.gradients.value_ascent import climb
 from pga_me_ros.tasks.registry import load_task
 
-settings = Settings(random_init=20, batch_size=20, n_evo=10, evaluations=60, n_crit=12)
+settings = Settings(
+    random_init=20, batch_size=20, n_evo=10, evaluations=60, n_crit=12, cells=64, cvt_samples=2000
+)
 task = load_task(settings.task)()
 search = Search(task.spec, settings)
 for _ in range(3):
