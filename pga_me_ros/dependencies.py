@@ -30,10 +30,14 @@ class Package(NamedTuple):
     purpose: str = ""
 
 
+WEB = "jupyter-threejs-sage==130 starlette uvicorn"
+"""What pip installs for the explorer."""
+
 PACKAGES = {
     "PIL": Package("Pillow", "pillow", "python3-pil", "pictures"),
     "gymnasium": Package("Gymnasium", "gymnasium[mujoco]", "", "tasks named gymnasium:..."),
     "imageio": Package("imageio", "gymnasium[mujoco]", "", "tasks with MuJoCo"),
+    "jupyter_threejs_sage": Package("three.js", WEB, "", "the explorer"),
     "matplotlib": Package("Matplotlib", "matplotlib", "python3-matplotlib", "curves and pictures"),
     "mujoco": Package("MuJoCo", "gymnasium[mujoco]", "", "tasks with MuJoCo"),
     "numpy": Package("NumPy", "numpy", "python3-numpy"),
@@ -43,7 +47,9 @@ PACKAGES = {
     "pybullet_data": Package("PyBullet", "pybullet", "", "the simulated robots"),
     "rosbags": Package("rosbags", "rosbags", "", "recordings"),
     "scipy": Package("SciPy", "scipy", "python3-scipy", "p-values"),
+    "starlette": Package("Starlette", WEB, "", "the explorer"),
     "torch": Package("PyTorch", "torch", "python3-torch", "critics and policy gradients"),
+    "uvicorn": Package("Uvicorn", WEB, "", "the explorer"),
     "yaml": Package("PyYAML", "pyyaml", "python3-yaml"),
 }
 """By the name that is imported: what does not come with Python."""

@@ -17,11 +17,18 @@ from pga_me_ros.explorer.description import describe
 from pga_me_ros.explorer.motion import EpisodeStart
 from pga_me_ros.explorer.page import require_web, write_page
 from pga_me_ros.explorer.recorder import Recorder, all_motions, chosen_cells
+from pga_me_ros.explorer.source import Source, StoredSource
 from pga_me_ros.paths import user_path
 from pga_me_ros.process.program import run_program
+from pga_me_ros.tasks.registry import randomization_option
 
 MOTIONS = 64
 """Default number of gaits of a run whose motion is in the file."""
+
+PORT = 8460
+"""Default port of the live page."""
+
+ROS_ARGS = "--ros-args"
 
 UNSEEN = 1
 """Default seed of the start that no evaluation had: those of a run are drawn in another way."""
@@ -36,28 +43,63 @@ def main(args: Sequence[str] | None = None) -> int:
     Returns:
         Exit status, as for `run_program`.
     """
-    asked = _parser().parse_args(args)
-    return run_program(lambda: explore(asked))
+    given = list(sys.argv[1:] if args is None else args)
+    cut = given.index(ROS_ARGS) if ROS_ARGS in given else len(given)
+    asked = _parser().parse_args(given[:cut])
+    return run_program(lambda: explore(asked, given[cut:]))
 
 
-def explore(asked: argparse.Namespace) -> None:
+def explore(asked: argparse.Namespace, ros_args: Sequence[str] = ()) -> None:
     """Carry out a parsed command line.
 
+    Args:
+        asked: The command line.
+        ros_args: ``--ros-args`` and what follows.
+
     Raises:
-        PgaError: What the page needs is not installed, a run cannot be read, or the file cannot be written.
+        PgaError: What the page needs is not installed, a run cannot be read, the port is taken, or the file cannot be
+            written.
     """
     require_web()
+    if asked.html is None:
+        _serve(asked, ros_args)
+    elif not asked.runs:
+        raise RequestError("--html writes a stored run; give its folder.")
+    else:
+        _write(asked)
+
+
+def _write(asked: argparse.Namespace) -> None:
     out = _checked(asked.html)
     runs = [StoredRun.load(path) for path in asked.runs]
     starts = [EpisodeStart(), EpisodeStart(asked.seed)]
     if asked.randomization:
+        randomization_option(runs[0].settings.task, asked.randomization)
         starts.append(EpisodeStart(asked.seed, asked.randomization))
     shown = [
         _recorded(run, str(path), asked.motions, tuple(starts))
         for run, path in zip(runs, asked.runs, strict=True)
     ]
-    write_page({"title": _title(runs), "live": False, "runs": shown}, out)
+    title = " and ".join(dict.fromkeys(run.name for run in runs))
+    write_page({"title": title, "live": False, "runs": shown}, out)
     print(out)
+
+
+def _serve(asked: argparse.Namespace, ros_args: Sequence[str]) -> None:
+    from pga_me_ros.explorer.live import access_for, serve
+
+    sources: list[Source] = [StoredSource(path, str(path)) for path in asked.runs]
+    if not sources:
+        from pga_me_ros.explorer.graph_source import GraphSource
+
+        sources.append(GraphSource(ros_args))
+    try:
+        title = " and ".join(dict.fromkeys(s.content["run"]["name"] for s in sources))
+        access = access_for(asked.host, control=asked.control, token=asked.token)
+        serve(sources, asked.host, asked.port, access, title)
+    finally:
+        for source in sources:
+            source.close()
 
 
 def _recorded(
@@ -65,7 +107,7 @@ def _recorded(
 ) -> dict[str, Any]:
     """Return all that the page shows of a run, and tell what is being recorded."""
     content = describe(run, name)
-    recorder = Recorder(run)
+    recorder = Recorder(run.settings, run.behavior)
     cells = chosen_cells(run, count) if recorder.model else []
     motions = {}
     try:
@@ -93,10 +135,6 @@ def _recorded(
     }
 
 
-def _title(runs: Sequence[StoredRun]) -> str:
-    return " and ".join(dict.fromkeys(run.name for run in runs))
-
-
 def _checked(out: Path) -> Path:
     if out.suffix.lower() not in (".html", ".htm") or out.is_dir():
         raise RequestError(f"--html is '{out}'; give the name of a file that ends in .html.")
@@ -110,16 +148,15 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "runs",
         type=user_path,
-        nargs="+",
+        nargs="*",
         metavar="RUN",
-        help="folder of a run, its repertoire file, or zoo/NAME; two are shown beside each other",
+        help="folder of a run, its repertoire file, or zoo/NAME; two beside each other; none for the running graph",
     )
     parser.add_argument(
         "--html",
         type=user_path,
-        required=True,
         metavar="FILE",
-        help="file to write, with everything in it",
+        help="write one file with everything in it, in place of serving a page",
     )
     parser.add_argument(
         "--motions",
@@ -141,6 +178,16 @@ def _parser() -> argparse.ArgumentParser:
         metavar="TEXT",
         help="also play each gait in a changed world, for example 'mass 0.8 1.2, friction 0.6 1.2'",
     )
+    parser.add_argument(
+        "--host", default="127.0.0.1", help="address to serve on (127.0.0.1: this machine only)"
+    )
+    parser.add_argument("--port", type=int, default=PORT, help=f"port to serve on ({PORT})")
+    parser.add_argument(
+        "--control",
+        action="store_true",
+        help="let a page that others can reach pause and stop the run and change its rates",
+    )
+    parser.add_argument("--token", action="store_true", help="ask for a token on this machine, too")
     return parser
 
 

@@ -58,7 +58,26 @@ class EpisodeStart:
         """Name of the start in the page."""
         if self.seed is None:
             return "evaluation"
-        return f"randomized:{self.seed}" if self.randomization else f"unseen:{self.seed}"
+        if self.randomization:
+            return f"randomized:{self.seed}:{self.randomization}"
+        return f"unseen:{self.seed}"
+
+    @classmethod
+    def of(cls, key: str) -> EpisodeStart:
+        """Return the start of a `key`.
+
+        Raises:
+            RequestError: It is none.
+        """
+        kind, *words = key.split(":", 2)
+        if kind == "evaluation" and not words:
+            return cls()
+        expected = {"unseen": 1, "randomized": 2}.get(kind)
+        if expected == len(words) and words[0].isascii() and words[0].isdecimal():
+            return cls(int(words[0]), *words[1:])
+        raise RequestError(
+            f"start is '{key}'; give evaluation, unseen:SEED or randomized:SEED:RANGES."
+        )
 
 
 def recorded(task: Task, settings: Settings, gait: Gait, start: EpisodeStart) -> Recording:

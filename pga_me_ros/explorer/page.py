@@ -8,10 +8,8 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+from pga_me_ros.dependencies import missing
 from pga_me_ros.errors import PgaError
-
-INSTALL = "pip install -r requirements/web.txt"
-"""Installs what the explorer needs."""
 
 SCRIPTS = (
     "numbers.js",
@@ -28,6 +26,7 @@ SCRIPTS = (
     "stage.js",
     "player.js",
     "curves.js",
+    "live.js",
     "main.js",
 )
 """The page's own scripts in the order in which they are loaded."""
@@ -40,11 +39,11 @@ def require_web() -> None:
     """Make sure that what the page needs is installed.
 
     Raises:
-        PgaError: It is not.
+        MissingDependencyError: It is not.
     """
-    missing = [name for name in (_THREE[0], "starlette", "uvicorn") if find_spec(name) is None]
-    if missing:
-        raise PgaError(f"The explorer needs {', '.join(missing)}, not installed: {INSTALL}")
+    for name in (_THREE[0], "starlette", "uvicorn"):
+        if find_spec(name) is None:
+            raise missing(name)
 
 
 def build_page(content: dict[str, Any]) -> str:
@@ -54,7 +53,7 @@ def build_page(content: dict[str, Any]) -> str:
         content: What it shows, fit for JSON: ``runs``, and for each of them its description, model and motions.
 
     Raises:
-        PgaError: three.js is not installed.
+        MissingDependencyError: three.js is not installed.
     """
     require_web()
     own = files("pga_me_ros.explorer") / "web"
@@ -84,7 +83,7 @@ def write_page(content: dict[str, Any], out: Path) -> None:
     """Write the page into a file.
 
     Raises:
-        PgaError: three.js is not installed.
+        MissingDependencyError: three.js is not installed.
         StorageError: The file cannot be written.
     """
     from pga_me_ros.core.storage.files import save_bytes

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from typing import Any
 
 from pga_me_ros.core.archive.spread import spread_cells
+from pga_me_ros.core.settings import Settings
 from pga_me_ros.core.storage.stored_run import StoredRun
 from pga_me_ros.errors import PgaError
 from pga_me_ros.explorer.motion import EpisodeStart, describe_model, describe_motion, recorded
 from pga_me_ros.player.body_reader import BodyReader
+from pga_me_ros.player.gait import Gait
 from pga_me_ros.player.watched_rollout import body_of
 from pga_me_ros.tasks.protocol import Task
 from pga_me_ros.tasks.registry import make_task
@@ -20,15 +22,17 @@ class Recorder:
     """Simulated robots of one run, each started when it is first needed.
 
     Args:
-        run: The run.
+        settings: Settings of the run.
+        gait: Returns the gait of a cell.
 
     Attributes:
         missing: Why the robot cannot be shown, empty if it can.
         model: The robot, fit for JSON; None if it cannot be shown.
     """
 
-    def __init__(self, run: StoredRun) -> None:
-        self._run = run
+    def __init__(self, settings: Settings, gait: Callable[[int], Gait]) -> None:
+        self._settings = settings
+        self._gait = gait
         self._tasks: dict[str, Task] = {}
         self.missing = ""
         self.model: dict[str, Any] | None = None
@@ -37,7 +41,7 @@ class Recorder:
         except PgaError as error:
             self.missing = str(error)
         except ImportError as error:
-            self.missing = f"the simulator of task '{run.settings.task}' is missing ({error})"
+            self.missing = f"the simulator of task '{settings.task}' is missing ({error})"
 
     def motion(self, cell: int, start: EpisodeStart) -> dict[str, Any]:
         """Return an episode of the gait of a cell, see `describe_motion`.
@@ -45,11 +49,9 @@ class Recorder:
         Raises:
             PgaError: There is no such gait, its robot cannot be shown, or the task cannot be randomized.
         """
-        gait = self._run.behavior(cell)
+        gait = self._gait(cell)
         task = self._task(start.randomization)
-        return describe_motion(
-            recorded(task, self._run.settings, gait, start), task.spec, gait, start
-        )
+        return describe_motion(recorded(task, self._settings, gait, start), task.spec, gait, start)
 
     def close(self) -> None:
         """Stop the simulators."""
@@ -59,9 +61,9 @@ class Recorder:
         self._tasks.clear()
 
     def _task(self, randomization: str) -> Task:
-        wanted = randomization or self._run.settings.randomization
+        wanted = randomization or self._settings.randomization
         if wanted not in self._tasks:
-            self._tasks[wanted] = make_task(self._run.settings.task, wanted)
+            self._tasks[wanted] = make_task(self._settings.task, wanted)
         return self._tasks[wanted]
 
 

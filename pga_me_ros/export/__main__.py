@@ -78,6 +78,16 @@ def export(options: argparse.Namespace) -> Path:
     return out
 
 
+def export_cell(run: Path, kind: str, cell: int, out: Path) -> Path:
+    """Write the controller of one cell, as ``export RUN --to KIND --cell N --out PATH`` does, and return the file.
+
+    Raises:
+        PgaError: As in `export`.
+    """
+    words = [str(run), "--to", kind, "--cell", str(cell), "--out", str(out)]
+    return export(_parser().parse_args(words))
+
+
 def _judged(source: Source, *, single: bool) -> str:
     """Return by what the fittest elite was chosen."""
     (cell,), known = source.cells, source.run.statistics

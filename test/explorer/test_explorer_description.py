@@ -12,6 +12,7 @@ import pytest
 
 from pga_me_ros.core.evaluation import evaluation_rng
 from pga_me_ros.core.storage.stored_run import StoredRun
+from pga_me_ros.dependencies import WEB
 from pga_me_ros.explorer import page
 from pga_me_ros.explorer.__main__ import MOTIONS, main
 from pga_me_ros.explorer.description import describe
@@ -79,7 +80,7 @@ def test_a_motion_is_that_of_the_rollout(run: StoredRun, start: EpisodeStart) ->
 
 
 def test_the_strip_averages_to_the_descriptor(run: StoredRun) -> None:
-    recorder = Recorder(run)
+    recorder = Recorder(run.settings, run.behavior)
     behavior = run.choose(best=True)
     strip = recorder.motion(behavior.cell, EpisodeStart())["strip"]
     recorder.close()
@@ -150,4 +151,4 @@ def test_a_missing_package_is_told_with_the_command_that_installs_it(
 ) -> None:
     monkeypatch.setattr(page, "find_spec", lambda name: None)
     assert main([str(ZOO), "--html", str(tmp_path / "page.html")]) == 2
-    assert f"not installed: {page.INSTALL}" in capsys.readouterr().err
+    assert f"pip install {WEB}" in capsys.readouterr().err

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from pga_me_ros.core.storage.stored_run import StoredRun
@@ -83,8 +84,6 @@ def test_a_click_shows_the_figures_of_that_cell_and_its_moving_robot(
 
 @pytest.mark.parametrize("start", ["evaluation", f"unseen:{SEED}"])
 def test_the_joints_are_those_of_the_rollout(page: Any, run: StoredRun, start: str) -> None:
-    import numpy as np
-
     from pga_me_ros.core.evaluation import evaluation_rng
 
     cell = chosen_cells(run, 3)[0]
@@ -254,4 +253,63 @@ def test_a_task_without_a_robot_has_a_map_and_a_reason(
     assert shown.eval("document.querySelectorAll('.cell.elite').length") == len(
         StoredRun.load(folder).archive
     )
+    assert shown.problems == []
+
+
+def test_two_runs_are_compared_cell_by_cell(
+    new_run: Callable[..., Path], pages: Callable[..., Any], tmp_path: Path
+) -> None:
+    folders = [new_run(seed=seed) for seed in (5, 6)]
+    first, second = (StoredRun.load(folder).archive for folder in folders)
+    out = tmp_path / "two.html"
+    assert main([*map(str, folders), "--html", str(out), "--motions", "1"]) == 0
+    shown = pages(out, offline=True)
+    assert shown.page.locator("#maps svg").count() == 3
+    both = int((first.filled & second.filled).nonzero()[0][0])
+    shown.page.locator(f'#maps figure:nth-child(3) path[data-cell="{both}"]').hover(force=True)
+    gap = float(first.fitness[both] - second.fitness[both])
+    told = float(shown.page.inner_text("#tip").partition(": ")[2])
+    assert told == pytest.approx(gap, rel=2e-3, abs=0.05)
+    shown.page.locator(f'#maps figure:nth-child(2) path[data-cell="{both}"]').click(force=True)
+    assert shown.eval("Explorer.state.run") == 1
+    assert f"evaluation {second.evaluations[both]}," in shown.figures()["lineage"]
+    assert shown.problems == []
+
+
+def test_cells_are_drawn_where_the_archive_has_them(
+    new_run: Callable[..., Path], pages: Callable[..., Any], tmp_path: Path
+) -> None:
+    folder = new_run(task="qd_walker")
+    archive = StoredRun.load(folder).archive
+    out = tmp_path / "walker.html"
+    assert main([str(folder), "--html", str(out), "--motions", "0"]) == 0
+    shown = pages(out, offline=True)
+    points = np.random.default_rng(0).random((60, 2))
+    cells = shown.eval(
+        """(points) => {
+            const svg = document.querySelector('#maps svg');
+            const frame = svg.querySelector('rect.frame');
+            const [x, y, w, h] = ['x', 'y', 'width', 'height'].map((n) => Number(frame.getAttribute(n)));
+            const paths = [...svg.querySelectorAll('path[data-cell]')];
+            return points.map(([u, v]) => {
+                const point = new DOMPoint(x + u * w, y + (1 - v) * h);
+                return Number(paths.find((p) => p.isPointInFill(point)).dataset.cell);
+            });
+        }""",
+        points.tolist(),
+    )
+    assert cells == archive.cell_of(points).tolist()
+
+
+def test_four_dimensions_are_maps_within_maps_or_any_two_axes(
+    new_run: Callable[..., Path], pages: Callable[..., Any], tmp_path: Path
+) -> None:
+    folder = new_run(task="qd_ant", evaluations=10, random_init=10)
+    archive = StoredRun.load(folder).archive
+    out = tmp_path / "ant.html"
+    assert main([str(folder), "--html", str(out), "--motions", "0"]) == 0
+    shown = pages(out, offline=True)
+    assert 0 < shown.eval("document.querySelectorAll('path.cell.elite').length") <= len(archive)
+    shown.page.select_option("#layout", "dots:1,3")
+    assert shown.eval("document.querySelectorAll('circle.cell.elite').length") == len(archive)
     assert shown.problems == []

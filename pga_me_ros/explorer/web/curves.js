@@ -48,6 +48,10 @@ const Curves = (() => {
   }
 
   function contributions(run) {
+    if (run.served) {
+      const made = run.contributions.map((c) => [run.operators[c.operator] || c.operator, Numbers.text(c.elites)]);
+      return table(`What made the gaits that are in the archive${of(run)}`, ["operator", "gaits"], made);
+    }
     const rows = run.contributions.map((c) => [
       run.operators[c.operator] || c.operator,
       ...["offspring", "new_elites", "improved_elites"].map((key) => Numbers.text(c[key])),
@@ -65,6 +69,7 @@ const Curves = (() => {
   ];
 
   function corrected(run) {
+    if (!run.corrected && run.served) return Page.make("p", { class: "hint" }, "The curves begin when this explorer was started.");
     if (!run.corrected) return Page.make("p", { class: "hint" }, `Not all gaits${of(run)} were evaluated again: ros2 run pga_me_ros reevaluate ${Commands.word(run.run.name)}`);
     const rows = CORRECTED.map(([key, title]) => [title, key === "fall_share" ? Numbers.percent(run.corrected[key]) : Numbers.text(run.corrected[key])]);
     return table(`What the gaits are worth on average${of(run)}`, ["measure", "value"], rows);

@@ -31,6 +31,8 @@ const Commands = {
   export: (run, elite, kind) =>
     `ros2 run pga_me_ros export ${Commands.word(run.run.name)} --to ${kind} --cell ${elite.cell}`,
 
+  save: (elite, kind) => `ros2 run pga_me_ros query --cell ${elite.cell} --save gait.${kind}`,
+
   word: (text) => (/^[\w@%+=:,./-]+$/.test(text) ? text : `'${text.replaceAll("'", "'\\''")}'`),
 };
 
@@ -70,9 +72,14 @@ const Details = (() => {
 
   const button = (id, title, text) => Page.make("button", { type: "button", id, onclick: () => Page.copy(text()) }, title);
 
+  let told = "";
+
   function draw() {
     const run = Store.run();
     const elite = Store.chosen();
+    const now = JSON.stringify([run.caption, Store.state.cell, elite, elite && elite.parents.map((p) => (run.byEvaluation.get(p) || {}).cell)]);
+    if (now === told) return; // a run that grows must not take the focus from a button
+    told = now;
     if (!elite) {
       Page.replace(Page.byId("figures"), Page.make("dt", {}, Store.state.cell === null ? "Choose a cell." : `Cell ${Store.state.cell} is empty.`));
       Page.replace(Page.byId("actions"));
@@ -88,10 +95,14 @@ const Details = (() => {
       Page.byId("actions"),
       button("copy-service", "Copy as ros2 service call", () => Commands.service(elite)),
       button("copy-python", "Copy as Python", () => Commands.python(elite)),
-      button("copy-server", "Copy: serve this repertoire", () => Commands.server(run)),
+      run.served ? null : button("copy-server", "Copy: serve this repertoire", () => Commands.server(run)),
       button("copy-link", "Copy link to this gait", () => location.href),
       ...FORMATS.map((kind) =>
-        run.downloads
+        run.served
+          ? kind === "torchscript"
+            ? null
+            : button(`copy-${kind}`, `Copy: save as ${kind}`, () => Commands.save(elite, kind))
+          : run.downloads
           ? Page.make("a", { href: Live.download(run, elite, kind), download: true, role: "button" }, `Download ${kind}`)
           : button(`copy-${kind}`, `Copy: export as ${kind}`, () => Commands.export(run, elite, kind)),
       ),

@@ -42,8 +42,17 @@ const Layouts = (() => {
     return { shapes, x: axis(run, 0), y: { title: "fitness (mean where known)", low: floor, high }, height: 0.62 };
   }
 
+  // Cells never move, so a run that grows has its borders computed once.
+  const kept = new Map();
+
+  function borders(run) {
+    const key = `${run.run.run_id} ${run.archive.cells}`;
+    if (!kept.has(key)) kept.set(key, Voronoi.cells(run.archive.centers, run.archive.box).map((polygon) => polygon.map(unit(run))));
+    return kept.get(key);
+  }
+
   function plane(run) {
-    const { bins, centers, cells } = run.archive;
+    const { bins, cells } = run.archive;
     const shapes = [];
     if (bins.length) {
       for (let cell = 0; cell < cells; cell += 1) {
@@ -51,8 +60,7 @@ const Layouts = (() => {
         shapes.push({ cell, points: box(i / bins[0], j / bins[1], (i + 1) / bins[0], (j + 1) / bins[1]) });
       }
     } else {
-      const toUnit = unit(run);
-      Voronoi.cells(centers, run.archive.box).forEach((polygon, cell) => shapes.push({ cell, points: polygon.map(toUnit) }));
+      borders(run).forEach((points, cell) => shapes.push({ cell, points }));
     }
     return { shapes, x: axis(run, 0), y: axis(run, 1), height: 1 };
   }

@@ -33,7 +33,9 @@ const Explorer = (() => {
     if (cell !== undefined && !found) Page.warn(`Cell ${cell}, which the link names, holds no gait in this run; the best gait is shown instead.`);
     const elite = found ? runs[run].byCell.get(cell) : Store.best(runs[run]);
     const color = Colors.MEASURES[changes.color] ? changes.color : Store.state.color;
-    const start = runs[run].starts.includes(changes.start) ? changes.start : runs[run].starts[0];
+    const { starts, simulates } = runs[run];
+    if (simulates && /^(unseen:\d+|randomized:\d+:.+)$/.test(changes.start) && !starts.includes(changes.start)) starts.push(changes.start);
+    const start = starts.includes(changes.start) ? changes.start : starts[0];
     const layout = Layouts.choices(runs[run]).some(([name]) => name === changes.layout) ? changes.layout : "cells";
     return { run, cell: elite ? elite.cell : null, color, start, layout };
   }
@@ -70,6 +72,7 @@ const Explorer = (() => {
     dark.addEventListener("change", () => theme(dark.matches));
     for (const part of [Maps, Choice, Details, Curves, Player]) part.start();
     if (content.runs.length) open(content.runs);
+    if (content.live) Live.start(content);
     Address.follow((changes) => Store.set(sound(changes, Store.state.runs)));
   }
 
@@ -87,6 +90,19 @@ const Explorer = (() => {
     Player.load();
   }
 
-  return { start, open, show, view: Player.view, seek: Player.seek, play: Player.play, state: Store.state };
+  // Takes what has changed of a run; the gait that is watched goes on unless another has taken its cell.
+  function update(index, content) {
+    const before = Store.chosen();
+    const contents = Store.state.runs.map((run, i) => (i === index ? { ...content, starts: run.starts } : null));
+    const runs = Store.state.runs.map((run, i) => (contents[i] ? Store.read(contents[i], i) : run));
+    for (const run of runs) run.caption = caption(run, runs);
+    Store.set({ runs });
+    const after = Store.chosen();
+    if (!after) Store.set({ cell: Store.best(Store.run()).cell });
+    else if (!before || after.evaluation !== before.evaluation) Player.load();
+  }
+
+  return { start, open, show, update, view: Player.view, seek: Player.seek, play: Player.play, state: Store.state };
 })();
+window.Explorer = Explorer;
 Explorer.start();

@@ -62,7 +62,7 @@ const Motions = (() => {
   const kept = new Map();
 
   function find(run, cell, start) {
-    const key = `${run.run.run_id} ${run.version || 0} ${cell} ${start}`;
+    const key = `${run.index} ${run.byCell.get(cell).evaluation} ${start}`;
     if (!kept.has(key)) {
       const found = load(run, cell, start);
       kept.set(key, found);

@@ -119,10 +119,37 @@ const Player = (() => {
   function startTitle(key) {
     const [kind, seed] = key.split(":");
     if (kind === "evaluation") return "start of its evaluation";
-    return kind === "unseen" ? `start never seen, seed ${seed}` : `changed world, seed ${seed}`;
+    return kind === "unseen" ? `start never seen, seed ${seed}` : `changed world, seed ${seed}: ${key.split(":").slice(2).join(":")}`;
+  }
+
+  // Where the server simulates, any start may be asked for.
+  function makeWorld() {
+    const form = Page.byId("world");
+    form.hidden = !Store.run().simulates;
+    if (form.hidden || form.elements.length) return;
+    const field = (name, title, attributes) => Page.make("label", {}, title, Page.make("input", { name, id: `world-${name}`, autocomplete: "off", ...attributes }));
+    form.append(
+      field("seed", "Seed", { value: "2", inputmode: "numeric", pattern: "[0-9]+", required: true }),
+      field("ranges", "Changed world", { class: "wide", placeholder: "mass 0.8 1.2, friction 0.6 1.2" }),
+      Page.make("button", { type: "submit", id: "world-go" }, "Start there"),
+    );
+    form.addEventListener("submit", (event) => {
+      event.preventDefault();
+      const seed = Number(form.elements.seed.value);
+      const ranges = form.elements.ranges.value.trim();
+      form.elements.seed.value = seed + 1;
+      setStart(ranges ? `randomized:${seed}:${ranges}` : `unseen:${seed}`);
+    });
+  }
+
+  function setStart(key) {
+    for (const run of Store.state.runs) if (!run.starts.includes(key)) run.starts.push(key);
+    Store.set({ start: key });
+    drawStarts();
   }
 
   function drawStarts() {
+    makeWorld();
     const { starts } = Store.run();
     const chosen = starts.includes(Store.state.start) ? Store.state.start : starts[0];
     Page.options(Page.byId("start"), starts.map((key) => [key, startTitle(key)]), chosen);

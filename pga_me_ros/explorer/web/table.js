@@ -124,12 +124,16 @@ const Choice = (() => {
     const limits = wanted();
     const found = limits.problems.length ? [] : matches(limits);
     const rows = sorted(found);
+    const line = document.activeElement && document.activeElement.closest("tr[data-row]");
+    const focused = line && line.dataset.row;
     const shown = all ? rows : rows.slice(0, FIRST);
     Page.replace(
       Page.byId("table"),
       Page.make("thead", {}, Page.make("tr", {}, ...COLUMNS.map(header))),
       Page.make("tbody", {}, ...shown.map(row)),
     );
+    const again = focused && Page.byId("table").querySelector(`tr[data-row="${focused}"] button`);
+    if (again) again.focus();
     Page.byId("matches").textContent = limits.problems.length
       ? `${limits.problems.join("; ")}.`
       : `${rows.length} of ${Store.run().elites.length} gaits`;

@@ -1,0 +1,165 @@
+"use strict";
+// The server's side of the page: motions it simulates, news of the run, and what the run is told.
+const Live = (() => {
+  let versions = [];
+  let fetching = false;
+  let shown = [];
+
+  // Returns what the server answers; its refusals become errors with its words.
+  async function ask(path, options) {
+    let answer;
+    try {
+      answer = await fetch(path, options);
+    } catch {
+      throw new Error("The explorer's server does not answer; is it still running?");
+    }
+    const text = await answer.text();
+    if (answer.ok) return JSON.parse(text);
+    let words = text;
+    try {
+      words = JSON.parse(text).error;
+    } catch {
+      // Plain words already.
+    }
+    throw new Error(words);
+  }
+
+  const motion = (run, cell, start) => ask(`api/motion/${run.index}/${cell}?start=${encodeURIComponent(start)}`);
+  const download = (run, elite, kind) => `api/download/${run.index}/${elite.cell}/${kind}`;
+
+  async function send(index, action, values) {
+    const said = Page.byId("said");
+    said.textContent = "…";
+    try {
+      const answer = await ask(`api/control/${index}`, { method: "POST", headers: { "X-Explorer": "1" }, body: JSON.stringify({ action, values }) });
+      said.textContent = answer.said;
+    } catch (error) {
+      said.textContent = error.message;
+    }
+  }
+
+  // Fetches what has changed, one run at a time; news that comes meanwhile waits for the next round.
+  async function catchUp(news) {
+    if (fetching) return;
+    fetching = true;
+    try {
+      for (let i = 0; i < news.length; i += 1) {
+        if (news[i].version === versions[i]) continue;
+        const content = await ask(`api/run/${i}`);
+        versions[i] = content.version;
+        Explorer.update(i, content);
+      }
+    } catch (error) {
+      Page.warn(error.message);
+    } finally {
+      fetching = false;
+    }
+  }
+
+  function take(news) {
+    Page.warn(news.map((n) => n.problem).filter(Boolean).join("\n"));
+    catchUp(news);
+    news.forEach((n, i) => n.state && panels[i] && draw(panels[i], n.state));
+    shown = news;
+  }
+
+  const panels = [];
+
+  function time(seconds) {
+    if (seconds === null) return "unknown";
+    return seconds < 90 ? `${Math.round(seconds)} s` : seconds < 5400 ? `${Math.round(seconds / 60)} min` : `${(seconds / 3600).toFixed(1)} h`;
+  }
+
+  function progress(p) {
+    if (!p) return "No run is under way; the repertoire is served.";
+    const again = p.final_budget ? `, evaluated again ${p.final_reevaluations} of ${p.final_budget}` : "";
+    return `${p.state}: generation ${p.generation + 1} of ${p.generations}, ${Numbers.text(p.evaluations)} of ${Numbers.text(p.budget)} evaluations${again}, ${Numbers.text(p.rate)} per second, ${time(p.eta)} left, ${p.evaluators} evaluators, ${p.restarts} restarts`;
+  }
+
+  // Makes the panel of a graph once; what changes is filled in by draw().
+  function makePanel(index, control) {
+    const button = (action, title) => Page.make("button", { type: "button", id: `do-${action}`, disabled: !control, onclick: () => send(index, action) }, title);
+    const panel = {
+      line: Page.make("p", { id: "progress", role: "status" }),
+      rates: Page.make("form", { id: "rates" }),
+      nodes: Page.make("div", { class: "scroll" }),
+      log: Page.make("pre", { class: "log", tabindex: 0, "aria-label": "Log" }),
+      told: {},
+    };
+    panel.rates.addEventListener("submit", (event) => {
+      event.preventDefault();
+      const values = {};
+      for (const input of panel.rates.querySelectorAll("input")) if (input.value !== input.defaultValue) values[input.name] = Number(input.value);
+      send(index, "rates", values);
+    });
+    Page.byId("control").append(
+      panel.line,
+      Page.make(
+        "div",
+        { class: "bar" },
+        button("pause", "Pause run"),
+        button("resume", "Resume run"),
+        button("stop", "Stop run"),
+        Page.make("button", { type: "button", id: "show-rates", disabled: !control, onclick: () => send(index, "rates") }, "Rates"),
+        Page.make("output", { id: "said" }, control ? "" : "This page only looks: the explorer was started without --control."),
+      ),
+      panel.rates,
+      panel.nodes,
+      panel.log,
+    );
+    panels[index] = panel;
+  }
+
+  // Whether a part of the state differs from what is on the page; typed values must not be overwritten.
+  function differs(panel, name, value) {
+    const text = JSON.stringify(value);
+    if (panel.told[name] === text) return false;
+    panel.told[name] = text;
+    return true;
+  }
+
+  function draw(panel, state) {
+    panel.line.textContent = progress(state.progress);
+    if (differs(panel, "rates", state.rates)) drawRates(panel.rates, state.rates);
+    if (differs(panel, "nodes", state.nodes)) drawNodes(panel.nodes, state.nodes);
+    if (differs(panel, "log", state.log)) {
+      panel.log.textContent = state.log.join("\n") || "No line of the log since this explorer was started.";
+      panel.log.scrollTop = panel.log.scrollHeight;
+    }
+  }
+
+  function drawRates(form, rates) {
+    const limit = (value) => (value === null || value === undefined ? null : value);
+    const fields = rates.map(({ name, value, description, low, high }) => {
+      const range = `${description}${limit(low) === null ? "" : `, from ${low}`}${limit(high) === null ? "" : ` to ${high}`}`;
+      return Page.make("label", { title: range }, name, Page.make("input", { name, id: `rate-${name}`, type: "number", step: "any", value, min: limit(low), max: limit(high) }));
+    });
+    Page.replace(form, ...fields, rates.length ? Page.make("button", { type: "submit", id: "set-rates" }, "Set from the next generation on") : null);
+  }
+
+  function drawNodes(place, nodes) {
+    const keys = [...new Set(nodes.flatMap((node) => Object.keys(node)))].filter((key) => key !== "node");
+    Page.replace(
+      place,
+      nodes.length
+        ? Page.make(
+            "table",
+            {},
+            Page.make("thead", {}, Page.make("tr", {}, ...["node", ...keys].map((key) => Page.make("th", { scope: "col" }, key)))),
+            Page.make("tbody", {}, ...nodes.map((node) => Page.make("tr", {}, ...["node", ...keys].map((key) => Page.make("td", {}, node[key] || ""))))),
+          )
+        : null,
+    );
+  }
+
+  function start(content) {
+    versions = content.runs.map((run) => run.version);
+    content.runs.forEach((run, i) => run.served && makePanel(i, content.control));
+    const news = new EventSource("api/events");
+    news.addEventListener("message", (event) => take(JSON.parse(event.data)));
+    news.addEventListener("error", () => Page.warn("The explorer's server does not answer; the page shows its last state and tries again."));
+    window.addEventListener("pagehide", () => news.close());
+  }
+
+  return { start, motion, download, state: () => shown };
+})();

@@ -1,0 +1,200 @@
+"""The live page of a repertoire on disk: a real server, a real browser, files that change under both."""
+
+from __future__ import annotations
+
+import io
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import urllib.error
+import urllib.request
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pga_me_ros.core.storage.stored_run import StoredRun
+from pga_me_ros.explorer.__main__ import main
+from pga_me_ros.explorer.live import access_for
+from pga_me_ros.player.watched_rollout import record
+from pga_me_ros.tasks.registry import make_task
+
+
+@dataclass
+class Server:
+    process: subprocess.Popen[str]
+    address: str
+
+    def get(self, path: str, data: bytes | None = None, **headers: str) -> tuple[int, bytes]:
+        """Return status and content of an answer."""
+        named = {name.replace("_", "-"): value for name, value in headers.items()}
+        request = urllib.request.Request(self.address + path, data, named)
+        try:
+            with urllib.request.urlopen(request, timeout=30) as answer:
+                return answer.status, answer.read()
+        except urllib.error.HTTPError as error:
+            return error.code, error.read()
+
+
+def started(*words: str) -> Server:
+    """Start the program, and wait until it says where its page is."""
+    command = [sys.executable, "-m", "pga_me_ros.explorer", *words, "--port", "0"]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    assert process.stdout is not None
+    address = process.stdout.readline().strip()
+    assert address.startswith("http://127.0.0.1:"), process.communicate()
+    return Server(process, address)
+
+
+@pytest.fixture(scope="module")
+def folder(new_run: Callable[..., Path], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a copy of a run that the tests may change."""
+    copy = tmp_path_factory.mktemp("live") / "run"
+    shutil.copytree(new_run(), copy)
+    return copy
+
+
+@pytest.fixture(scope="module")
+def server(folder: Path) -> Iterator[Server]:
+    server = started(str(folder))
+    yield server
+    server.process.kill()
+    server.process.communicate()
+
+
+@pytest.fixture(scope="module")
+def page(server: Server, pages: Callable[..., Any]) -> Any:
+    return pages(server.address)
+
+
+@pytest.mark.parametrize(
+    ("start", "randomization"),
+    [
+        ("evaluation", ""),
+        ("unseen:7", ""),
+        ("randomized:7:mass 2.0, friction 0.5", "mass 2.0, friction 0.5"),
+    ],
+    ids=["evaluation", "unseen", "randomized"],
+)
+def test_the_server_simulates_what_the_page_asks_for(
+    page: Any, folder: Path, start: str, randomization: str
+) -> None:
+    run = StoredRun.load(folder)
+    gait = run.choose(best=True)
+    page.page.locator(f'#maps path[data-cell="{gait.cell}"]').click(force=True)
+    if start == "evaluation":
+        page.page.select_option("#start", start)
+    else:
+        page.page.fill("#world-seed", "7")
+        page.page.fill("#world-ranges", randomization)
+        page.page.click("#world-go")
+    page.wait(f"Explorer.view().starts[0] === '{start}'")
+    task = make_task(run.settings.task, randomization)
+    if start == "evaluation":
+        from pga_me_ros.core.evaluation import evaluation_rng
+
+        rng = evaluation_rng(run.settings.seed, gait.evaluation)
+    else:
+        rng = np.random.default_rng(7)
+    whole = record(task, gait.controller, rng)
+    task.close()
+    step = 10
+    page.eval(f"Explorer.seek({step * run.spec.control_period})")
+    assert page.eval("Explorer.view().joints[0]") == pytest.approx(
+        whole.states[step].positions, abs=2e-3
+    )
+
+
+def test_what_cannot_be_simulated_says_why(page: Any) -> None:
+    page.page.fill("#world-ranges", "wind 1 2")
+    page.page.click("#world-go")
+    page.wait("document.getElementById('no-stage').innerText.includes('KIND is one of')")
+    page.problems.clear()  # the browser notes the status 400
+    page.page.select_option("#start", "evaluation")
+    page.wait("document.getElementById('no-stage').hidden")
+
+
+def test_a_gait_can_be_downloaded(page: Any, folder: Path, server: Server) -> None:
+    run = StoredRun.load(folder)
+    cell = run.choose(best=True).cell
+    with page.page.expect_download() as download:
+        page.page.click("#actions a:has-text('npz')")
+    assert download.value.suggested_filename == f"qd_hopper-cell{cell}.npz"
+    _, content = server.get(f"api/download/0/{cell}/npz")
+    arrays = np.load(io.BytesIO(content))
+    assert np.array_equal(arrays["parameters"][0], run.behavior(cell).parameters)
+    assert server.get(f"api/download/0/{cell}/exe")[0] == 400
+
+
+def test_only_the_page_itself_may_ask(server: Server) -> None:
+    assert server.get("api/run/0")[0] == 200
+    assert server.get("api/run/5")[0] == 400
+    assert server.get("", Host="evil.example")[0] == 403
+    assert server.get("api/control/0", b"{}")[0] == 403
+    status, words = server.get("api/control/0", b'{"action": "stop"}', X_Explorer="1")
+    assert (status, b"shows a file" in words) == (400, True)
+
+
+def test_a_page_for_others_needs_its_token_and_only_looks() -> None:
+    others, own = (access_for(h, control=False, token=False) for h in ("0.0.0.0", "127.0.0.1"))
+    assert (len(others.token) > 20, others.control) == (True, False)
+    assert (own.token, own.control) == ("", True)
+    assert access_for("0.0.0.0", control=True, token=False).control
+
+
+def test_without_the_token_nothing_is_shown(folder: Path, pages: Callable[..., Any]) -> None:
+    server = started(str(folder), "--token")
+    page = pages(server.address)
+    assert page.figures()["cell"]
+    bare, token = server.address.split("?token=")
+    closed = Server(server.process, bare)
+    assert [closed.get(path)[0] for path in ("", "api/run/0", "?token=x")] == [403] * 3
+    assert closed.get(f"api/run/0?token={token}")[0] == 200
+    server.process.send_signal(signal.SIGINT)
+    assert server.process.wait(20) == 0
+    page.wait("document.getElementById('message').innerText.includes('does not answer')")
+    assert "Traceback" not in server.process.communicate()[1]
+
+
+def test_a_port_that_is_taken_is_told(
+    server: Server, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    port = server.address.rsplit(":", 1)[1].strip("/")
+    assert main([str(folder), "--port", port]) == 2
+    assert f"Port {port} of 127.0.0.1 is taken" in capsys.readouterr().err
+
+
+def test_the_page_follows_its_files(page: Any, folder: Path, new_run: Callable[..., Path]) -> None:
+    more = new_run(evaluations=60)
+    elites = len(StoredRun.load(more).archive)
+    before = page.eval("Explorer.state.runs[0].elites.length")
+    assert elites > before
+    file = folder / "repertoire.db"
+    replace(more / "repertoire.db", file)
+    page.wait(f"Explorer.state.runs[0].elites.length === {elites}")
+    assert f"{elites} gaits" in page.page.inner_text("#summary")
+    assert page.problems == []
+
+    file.write_bytes(b"no database" * 100)
+    page.wait("!document.getElementById('message').hidden")
+    assert "repertoire.db" in page.page.inner_text("#message")
+    assert "what was read before" in page.page.inner_text("#message")
+    assert page.eval("document.querySelectorAll('.cell.elite').length") == elites
+    replace(more / "repertoire.db", file)
+    page.wait("document.getElementById('message').hidden")
+
+    shutil.rmtree(folder)
+    page.wait("!document.getElementById('message').hidden")
+    assert page.eval("document.querySelectorAll('.cell.elite').length") == elites
+
+
+def replace(source: Path, target: Path) -> None:
+    """Put a file in the place of another at once."""
+    copy = target.with_suffix(".new")
+    shutil.copy(source, copy)
+    os.replace(copy, target)
