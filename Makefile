@@ -1,7 +1,7 @@
 # Every target first sets up what is missing; if nothing is, that takes a fraction of a second.
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help setup messages run test lint docs bench same-bits same-speed soak chaos fuzz two-hosts clean
+.PHONY: help setup messages run test test-pythons lint docs bench same-bits same-speed soak chaos fuzz two-hosts clean
 
 # Set these on the command line:
 PYTHON ?=
@@ -23,7 +23,7 @@ help: ## Show this list
 	@echo '  ARGS="-p evaluations:=20000"  pass arguments on: to run (ROS arguments), test (pytest options),'
 	@echo '                                and bench, soak, chaos, fuzz, two-hosts'
 	@echo '  WORKERS=4                     number of parallel test processes'
-	@echo '  PYTHON=/path/to/python3.11    use this Python for the setup'
+	@echo '  PYTHON=/path/to/python3.12    use this Python for the setup (3.11, 3.12 or 3.13)'
 
 setup: ## Create or update .venv (every other target does this itself)
 	@$(SETUP)
@@ -36,6 +36,9 @@ run: setup ## Grow a small repertoire, request a behavior from another process, 
 
 test: setup ## Run all checks and tests
 	@$(IN_VENV) ROS_PYTHON_CHECK_FIELDS=1 exec python -m pytest -n $(WORKERS) --dist loadscope --no-loadscope-reorder $(ARGS)
+
+test-pythons: setup ## Run the tests on each of Python 3.11, 3.12 and 3.13 that is found, in copies of the last commit
+	@. .venv/setup.bash && WORKERS=$(WORKERS) exec scripts/test_pythons.sh $(ARGS)
 
 lint: setup ## Run only the style and type checks
 	@$(IN_VENV) exec python -m pytest -q test/packaging/test_lint.py

@@ -1,27 +1,41 @@
 #!/bin/sh
-# Finds Python 3.11 and lets it bring .venv up to date: scripts/setup.sh [step...] (see setup_venv.py).
-# PYTHON=/path/to/python3.11 names the interpreter; otherwise it is looked for on PATH.
+# Finds a Python and lets it bring .venv up to date: scripts/setup.sh [step...] (see setup_venv.py).
+# PYTHON=/path/to/python names the interpreter; otherwise it is that of .venv, or else the newest supported one on PATH.
 set -eu
 cd "$(dirname "$0")/.."
 
+version() {
+    "$1" -I -c 'import sys; print("%d.%d" % sys.version_info[:2])' 2>/dev/null
+}
+
 is_supported() {
-    [ "$("$1" -I -c 'import sys; print("%d.%d" % sys.version_info[:2])' 2>/dev/null)" = 3.11 ]
+    case "$(version "$1")" in
+        3.11 | 3.12 | 3.13) ;;
+        *) return 1 ;;
+    esac
 }
 
 if [ -n "${PYTHON:-}" ]; then
     if ! is_supported "$PYTHON"; then
-        echo "error: PYTHON=$PYTHON does not start Python 3.11; give the path of a Python 3.11 (PyBullet and NumPy have wheels for no other)" >&2
+        found=$(version "$PYTHON" || true)
+        echo "error: PYTHON=$PYTHON ${found:+is Python $found and }does not fit; give the path of a Python 3.11, 3.12 or 3.13" >&2
         exit 1
     fi
 else
-    for candidate in python3.11 python3; do
+    home=
+    if [ -f .venv/pyvenv.cfg ]; then
+        while read -r key _ value; do
+            [ "$key" != home ] || home=$value
+        done <.venv/pyvenv.cfg
+    fi
+    for candidate in ${home:+"$home/python3"} python3.13 python3.12 python3.11 python3; do
         if is_supported "$candidate"; then
             PYTHON=$candidate
             break
         fi
     done
     if [ -z "${PYTHON:-}" ]; then
-        echo "error: no Python 3.11 on PATH; install python3.11 with its venv and dev packages, or give PYTHON=/path/to/python3.11" >&2
+        echo "error: no Python 3.11, 3.12 or 3.13 on PATH; install one with its venv and dev packages (Ubuntu: sudo apt install python3-venv python3-dev), or give PYTHON=/path/to/python" >&2
         exit 1
     fi
 fi

@@ -21,6 +21,12 @@ BUILDS = VENV / "build"
 # With the wheels, CMake needs this for every interface package.
 CMAKE_FOR_WHEELS = f"-DCMAKE_PROJECT_INCLUDE={ROOT / 'scripts' / 'interface_packages.cmake'}"
 REQUIREMENTS = ("run.txt", "build.txt", "web.txt", "test.txt")
+PYBULLET_WHEELS = ((3, 11),)
+"""Supported versions of Python for which PyBullet has wheels; elsewhere it is built from source."""
+
+WHEELS = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "pga_me_ros" / "wheels"
+"""Where wheels that were built here are kept, for later setups of any checkout."""
+
 LOG_LINES_SHOWN = 10
 BOOTSTRAP_GUARD = "_ROS_WHEELS_BOOTSTRAP_COMPLETE"
 
@@ -93,17 +99,62 @@ def create_venv() -> None:
     run_logged(base_python(), "-m", "venv", VENV)
 
 
+def is_of_another_python() -> bool:
+    """Return whether .venv was made with another minor version of Python than the one that runs this."""
+    settings = VENV / "pyvenv.cfg"
+    found = (
+        re.search(r"^version\s*=\s*(\d+\.\d+)", settings.read_text(), re.M)
+        if settings.is_file()
+        else None
+    )
+    return found is not None and found[1] != f"{sys.version_info.major}.{sys.version_info.minor}"
+
+
 def install_requirements() -> None:
     """Install the pinned dependencies; one pip call, so that it finds any conflict among them."""
     pins = [word for name in REQUIREMENTS for word in ("-r", f"requirements/{name}")]
+    if sys.version_info[:2] not in PYBULLET_WHEELS:
+        keep_pybullet_wheel()
+        pins += ["--find-links", str(WHEELS)]
+    run_pip("install", *pins)
+
+
+def keep_pybullet_wheel() -> None:
+    """Build PyBullet from its source, unless an earlier setup kept the wheel.
+
+    It is built in .venv, not in isolation, because PyBullet returns arrays only if NumPy is present when it is built.
+    """
+    pybullet, numpy, setuptools, wheel = (
+        pin(name) for name in ("pybullet", "numpy", "setuptools", "wheel")
+    )
+    version = pybullet.partition("==")[2]
+    tag = f"cp{sys.version_info.major}{sys.version_info.minor}"
+    if any(WHEELS.glob(f"pybullet-{version}-{tag}-*.whl")):
+        return
+    print(
+        f"pga_me_ros: building PyBullet from source, as it has no wheel for Python {sys.version_info.major}."
+        f"{sys.version_info.minor}: some 10 minutes of processor time, once; the wheel is kept in {WHEELS}",
+        flush=True,
+    )
+    run_pip("install", numpy, setuptools, wheel)
+    WHEELS.mkdir(parents=True, exist_ok=True)
+    run_pip("wheel", "--no-deps", "--no-build-isolation", "--wheel-dir", WHEELS, pybullet)
+
+
+def pin(name: str) -> str:
+    """Return the line of requirements/ that pins a package, without its comment."""
+    for file in REQUIREMENTS:
+        for line in (ROOT / "requirements" / file).read_text().splitlines():
+            if line.startswith(f"{name}=="):
+                return line.partition("#")[0].strip()
+    raise SetupError(f"error: requirements/ has no pin of {name}; restore its files")
+
+
+def run_pip(*words: str | Path) -> None:
+    """Run pip in .venv."""
+    python = VENV / "bin/python"
     run_logged(
-        VENV / "bin/python",
-        "-m",
-        "pip",
-        "install",
-        "--no-input",
-        "--disable-pip-version-check",
-        *pins,
+        python, "-m", "pip", words[0], "--no-input", "--disable-pip-version-check", *words[1:]
     )
 
 

@@ -29,6 +29,7 @@ from setup_steps import (
     create_venv,
     install_package,
     install_requirements,
+    is_of_another_python,
 )
 
 STAMPS = VENV / ".stamps"
@@ -135,12 +136,13 @@ def one_at_a_time() -> Iterator[None]:
 
 
 def is_unusable() -> bool:
-    """Return whether an installation into .venv was interrupted, or .venv was moved, or its Python is gone."""
+    """Return whether an installation into .venv was interrupted, or .venv was moved, or has another Python."""
     if not VENV.exists():
         return False
     environment, requirements = (step.stamp() for step in STEPS[:2])
     moved = environment not in ("", STEPS[0].digest())
-    return moved or requirements == RUNNING or not (VENV / "bin/python").exists()
+    gone = not (VENV / "bin/python").exists()
+    return moved or requirements == RUNNING or gone or is_of_another_python()
 
 
 def outdated(names: Iterable[str]) -> list[Step]:
@@ -180,7 +182,7 @@ def main(names: list[str]) -> int:
             check_machine()
             if unusable:
                 print(
-                    "pga_me_ros: .venv is incomplete or was moved; creating it again",
+                    "pga_me_ros: .venv is incomplete, was moved, or has another Python; creating it again",
                     flush=True,
                 )
                 shutil.rmtree(VENV)

@@ -29,12 +29,12 @@ def checkout(tmp_path: Path) -> Path:
 
 
 def machine_in(folder: Path) -> Path:
-    """Make a folder that serves as the whole PATH: Python 3.11, gcc, g++, make."""
+    """Make a folder that serves as the whole PATH: Python, gcc, g++, make."""
     for tool in TOOLS:
         found = shutil.which(tool)
         assert found, f"this test needs {tool}"
         (folder / tool).symlink_to(found)
-    (folder / "python3.11").symlink_to(Path(sys.executable).resolve())
+    (folder / "python3").symlink_to(Path(sys.executable).resolve())
     return folder
 
 
@@ -84,13 +84,13 @@ def test_missing_tool_is_noticed_before_anything_is_created(checkout: Path, mach
 
 
 def test_missing_python_is_named_in_one_line(checkout: Path, machine: Path) -> None:
-    (machine / "python3.11").unlink()
+    (machine / "python3").unlink()
     status, lines = set_up(checkout, machine)
     assert (status, len(lines)) == (1, 1)
-    assert "no Python 3.11" in lines[0]
+    assert "no Python 3.11, 3.12 or 3.13 on PATH" in lines[0]
 
 
-@pytest.mark.parametrize("answer", ["exit 1", "exit 0", "echo 3.12"])
+@pytest.mark.parametrize("answer", ["exit 1", "exit 0", "echo 3.10", "echo 3.14"])
 def test_wrong_python_is_named_in_one_line(checkout: Path, machine: Path, answer: str) -> None:
     other = checkout / "other-python"
     other.write_text(f"#!/bin/sh\n{answer}\n")
@@ -98,6 +98,56 @@ def test_wrong_python_is_named_in_one_line(checkout: Path, machine: Path, answer
     status, lines = set_up(checkout, machine, python=str(other))
     assert (status, len(lines)) == (1, 1)
     assert f"PYTHON={other}" in lines[0]
+    assert "give the path of a Python 3.11, 3.12 or 3.13" in lines[0]
+
+
+def test_the_newest_supported_python_is_taken(checkout: Path, machine: Path) -> None:
+    for version in ("3.12", "3.13", "3.14"):
+        other = machine / f"python{version}"
+        other.write_text(
+            f'#!/bin/sh\ncase "$*" in *setup_venv*) echo started {version} ;; *) echo {version} ;; esac\n'
+        )
+        other.chmod(0o755)
+    assert set_up(checkout, machine) == (0, ["started 3.13"])
+
+
+def test_an_environment_keeps_its_python_until_another_is_named(
+    with_venv: Path, machine: Path
+) -> None:
+    other = machine / "python3.13"
+    other.write_text('#!/bin/sh\ncase "$*" in *setup_venv*) echo started ;; *) echo 3.13 ;; esac\n')
+    other.chmod(0o755)
+    assert set_up(with_venv, machine, "venv") == (0, [])
+    assert set_up(with_venv, machine, "venv", python=str(other)) == (0, ["started"])
+
+
+def test_an_environment_of_another_python_is_made_anew(
+    with_venv: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.syspath_prepend(str(ROOT / "scripts"))
+    import setup_steps
+
+    monkeypatch.setattr(setup_steps, "VENV", with_venv / ".venv")
+    assert not setup_steps.is_of_another_python()
+    settings = with_venv / ".venv" / "pyvenv.cfg"
+    before = settings.read_text()
+    settings.write_text(before.replace("version = 3.", "version = 3.9"))
+    assert setup_steps.is_of_another_python()
+    settings.write_text(before)
+
+
+def test_a_kept_wheel_of_pybullet_is_taken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(ROOT / "scripts"))
+    import setup_steps
+
+    monkeypatch.setattr(setup_steps, "WHEELS", tmp_path)
+    monkeypatch.setattr(setup_steps, "VENV", tmp_path / "no-environment")
+    version = setup_steps.pin("pybullet").partition("==")[2]
+    tag = f"cp{sys.version_info.major}{sys.version_info.minor}"
+    with pytest.raises(FileNotFoundError):  # builds it, and finds no pip to do so
+        setup_steps.keep_pybullet_wheel()
+    (tmp_path / f"pybullet-{version}-{tag}-{tag}-linux_x86_64.whl").touch()
+    setup_steps.keep_pybullet_wheel()
 
 
 def test_failing_step_shows_the_error_and_the_log(with_venv: Path, machine: Path) -> None:
