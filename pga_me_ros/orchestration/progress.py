@@ -1,4 +1,4 @@
-"""How a run is going: a topic for programs, and a line of text for people."""
+"""The progress of a run: a topic for programs, and a line of text for people."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ from pga_me_ros.orchestration.time_left import TimeLeft
 from pga_me_ros.ros import names, qos
 
 WINDOW = 20
-"""Generations over which the rate is taken."""
+"""Number of latest generations that the rate is averaged over."""
 
 AT_WORK = ("running", "re-evaluating")
 """States in which evaluations are done."""
 
 ENDS = ("finished", "stopping", "failed")
-"""States after which there is no progress."""
+"""States that end the progress line."""
 
 
 class ProgressReporter:
     """Publishes `Progress` and prints it.
 
-    Until `begin`, what it publishes is a claim to the orchestrator's name, stamped with the time since when.
+    Until `begin`, its message claims the orchestrator's name, stamped with the time of the claim.
 
     Args:
         control: The orchestrator's node.
@@ -48,7 +48,7 @@ class ProgressReporter:
         self._first_later = 0
 
     def begin(self, run_id: str, settings: Settings, max_steps: int) -> None:
-        """Say which run it is.
+        """Start to report a run.
 
         Args:
             run_id: Id of the run.
@@ -65,7 +65,7 @@ class ProgressReporter:
         self.publish()
 
     def enter(self, state: str) -> None:
-        """Say that the run is in another state now."""
+        """Report that the run has entered a state."""
         if state in AT_WORK and self.msg.state != state:
             self._times.clear()
             self._times.append((time.monotonic(), self._done))
@@ -79,7 +79,7 @@ class ProgressReporter:
 
         Args:
             metrics: Its metrics.
-            finished: Whether the generation was done just now, rather than before this start.
+            finished: Whether the generation was finished just now, rather than before the run was resumed.
         """
         msg = self.msg
         msg.generation, msg.evaluations = metrics.generation, metrics.evaluations
@@ -91,11 +91,11 @@ class ProgressReporter:
         self.publish()
 
     def reevaluated(self, done: int, total: int) -> None:
-        """Report how far the re-evaluation of the elites at the end of the run is.
+        """Report the progress of the final re-evaluation of the elites.
 
         Args:
-            done: Re-evaluations done by this start.
-            total: Those that were missing when it began.
+            done: Re-evaluations done since this start.
+            total: Re-evaluations that were missing at this start.
         """
         self.msg.final_reevaluations, self.msg.final_budget = done, total
         self.enter("re-evaluating")
@@ -109,17 +109,17 @@ class ProgressReporter:
         self.publish()
 
     def publish(self) -> None:
-        """Publish the present state."""
+        """Publish the current state."""
         if self.msg.run_id:
             self.msg.stamp = self._control.get_clock().now().to_msg()
         self._publisher.publish(self.msg)
 
     def say(self, text: str) -> None:
-        """Print a line of its own."""
+        """Print a separate line."""
         self._control.terminal.say(text)
 
     def parts(self) -> list[str]:
-        """Return the progress in words, what can be left out in a narrow terminal at the end."""
+        """Return the parts of the progress line, most important first: a narrow terminal drops the last ones."""
         m = self.msg
         if m.state == "re-evaluating":
             return [
@@ -141,16 +141,16 @@ class ProgressReporter:
 
     @property
     def _done(self) -> int:
-        """Evaluations done so far, those at the end included."""
+        """Evaluations done so far, final re-evaluations included."""
         return int(self.msg.evaluations + self.msg.final_reevaluations)
 
     @property
     def _left(self) -> int:
-        """Re-evaluations to do."""
+        """Re-evaluations left to do."""
         return int(self.msg.final_budget - self.msg.final_reevaluations)
 
     def _note_generation(self, metrics: Metrics) -> None:
-        """Take rate and remaining time from the generations so far."""
+        """Update rate and remaining time from the generations so far."""
         msg = self.msg
         began, _ = self._times[-1]
         if msg.generation == self._first_later:
@@ -163,7 +163,7 @@ class ProgressReporter:
         msg.eta = self._time_left.seconds(msg.generation + 1, elites)
 
     def _measure(self) -> bool:
-        """Take the rate from the last generations or re-evaluations; return whether it is known."""
+        """Update the rate from the last generations or re-evaluations; return whether it is known."""
         msg = self.msg
         self._times.append((time.monotonic(), self._done))
         (t0, n0), (t1, n1) = self._times[0], self._times[-1]

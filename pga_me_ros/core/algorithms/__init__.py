@@ -23,9 +23,9 @@ ALGORITHMS: Mapping[str, Algorithm] = {
         DcrlMapElites(),
     )
 }
-"""All of them, PGA-MAP-Elites first."""
+"""All algorithms, PGA-MAP-Elites first."""
 
 
 def algorithm_of(settings: Settings) -> Algorithm:
-    """Return the algorithm that settings name."""
+    """Return the algorithm that the settings name."""
     return ALGORITHMS[settings.algorithm]

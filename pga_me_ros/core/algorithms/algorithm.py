@@ -1,6 +1,6 @@
-"""What the generation loop asks of the algorithm that it carries out: pure functions of settings and generation.
+"""The interface between the generation loop and an algorithm: pure functions of settings and generation.
 
-`core.search` (one process) and the orchestrator (many) both ask through `core.plan`, so that they cannot drift apart.
+`core.search` (one process) and the orchestrator (many) both use it through `core.plan`, so they cannot drift apart.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class Slots:
     Attributes:
         operator: What makes them.
         first: Place of the first in the batch, from 0.
-        count: How many.
+        count: Number of places.
     """
 
     operator: Operator
@@ -40,9 +40,9 @@ class Slots:
 
 
 def without_extraction(settings: Settings) -> Settings:
-    """Return settings of a batch that is as much smaller as solutions are evaluated again in it.
+    """Return the settings with the batch reduced by the solutions that are re-evaluated in it.
 
-    Where the number of GA offspring was given, it shrinks with the batch.
+    If the user set the number of GA offspring, it shrinks in proportion.
     """
     if not settings.extracted:
         return settings
@@ -56,15 +56,16 @@ def without_extraction(settings: Settings) -> Settings:
 class Algorithm(ABC):
     """An algorithm that fills an archive; instances have no state.
 
-    What most of them have in common is here: random controllers first, no critics, every solution offered, parents
-    drawn uniformly. `core.settings.rules` has its defaults and what it refuses, `learners` what it learns with.
+    The defaults are what most algorithms share: random controllers first, no critics, every solution offered to the
+    archive, parents drawn uniformly. Defaults and limits of its settings are in `core.settings.rules`, its learner in
+    `learners`.
 
     Attributes:
         name: Value of the setting `algorithm`.
-        title: Name for people, as in the paper.
-        operators: What makes its offspring, after the random or imported controllers at the start.
+        title: Display name, as in the paper.
+        operators: Operators that make its offspring, after the random or imported controllers at the start.
         learns_critics: Whether it learns critics; it may learn something else, or nothing.
-        conditioned: Whether its critics, and an actor, are conditioned on a descriptor.
+        conditioned: Whether its critics and its actor are conditioned on a descriptor.
     """
 
     name: ClassVar[str]
@@ -74,17 +75,17 @@ class Algorithm(ABC):
     conditioned: ClassVar[bool] = False
 
     def check_task(self, spec: TaskSpec) -> None:  # noqa: B027 - most algorithms take every task
-        """Make sure that a task offers what the algorithm needs beyond what every task has.
+        """Check that a task meets the algorithm's requirements beyond the task protocol.
 
         Raises:
-            TaskError: The task lacks something that the algorithm needs.
+            TaskError: The task does not meet them.
         """
 
     def batch_plan(self, settings: Settings, generation: int, imported: int = 0) -> list[Slots]:
         """Return which operator fills which places of a generation's batch.
 
-        Imported and then random controllers in the first ceil(G / b) generations; afterwards what `offspring` says of a
-        batch without the places at its end, in which solutions of the archive are evaluated again (Extract-MAP-Elites).
+        The first ceil(G / b) generations are imported controllers, then random ones. Later generations follow
+        `offspring`; the last places of a batch may re-evaluate elites of the archive (Extract-MAP-Elites).
 
         Args:
             settings: Settings with the rates in force.
@@ -109,11 +110,11 @@ class Algorithm(ABC):
         """Return the plan of a generation after the random ones; the caller drops empty slots."""
 
     def uses_critics(self, settings: Settings) -> bool:
-        """Whether anything is learned at all, with the rates in force."""
+        """Whether anything is learned with the rates in force."""
         return False
 
     def snapshot_networks(self, spec: TaskSpec, settings: Settings) -> Mapping[str, MlpShape]:
-        """Return the layers of each network that its snapshots have, by name: what critics are learned with.
+        """Return the shape of each network in the algorithm's snapshots, by name.
 
         Args:
             spec: Task of the run.
@@ -122,14 +123,14 @@ class Algorithm(ABC):
         return {CRITIC: critic_shape(spec, settings), GREEDY: controller_shape(spec, settings)}
 
     def needs_snapshot(self, settings: Settings, generation: int) -> bool:
-        """Whether this generation cannot be made without what was learned for it."""
+        """Whether this generation's offspring are made with a snapshot."""
         return generation >= settings.init_generations and self.uses_critics(settings)
 
     def trains_meanwhile(self, settings: Settings, generation: int) -> bool:
         """Whether the next generation's training overlaps with the evaluation of this one.
 
-        It is then on the experience up to ``generation - 1``. Otherwise each generation's training takes place before
-        the generation is made, on all experience so far.
+        If so, it uses the experience up to ``generation - 1``. Otherwise each generation's training takes place before
+        its offspring are made, on all experience so far.
         """
         return False
 
@@ -152,7 +153,7 @@ class Algorithm(ABC):
             generation: Generation of the offspring.
             first: Place of the first offspring in the batch.
             count: Number of offspring, at least 1.
-            each: Parents of each.
+            each: Parents per offspring.
 
         Returns:
             (count, each) int64 array of cells.
@@ -171,14 +172,14 @@ class Algorithm(ABC):
     def intended(self, operator: Operator, parents: Float64Array) -> Float64Array | None:
         """Return the descriptors that an operator's offspring are meant to achieve.
 
-        What learns from their episodes is told, and offspring are made with networks that are conditioned on them.
+        Descriptor-conditioned networks make offspring for these descriptors and learn from their episodes with them.
 
         Args:
-            operator: What makes the offspring.
+            operator: Operator that makes the offspring.
             parents: (n, each, d) float64 descriptors of their parents.
 
         Returns:
-            (n, d) float64, None where offspring are meant to achieve nothing in particular.
+            (n, d) float64; None if offspring have no intended descriptor.
         """
         return None
 
@@ -194,9 +195,9 @@ class Algorithm(ABC):
         return np.ones(len(operators), np.bool_)
 
     def exploration_sigma(self, settings: Settings, generation: int) -> float:
-        """Return the standard deviation of the noise on all actions of a generation, 0 for none."""
+        """Return the standard deviation of the exploration noise on a generation's actions, 0 for none."""
         return 0.0
 
     def remembered(self, episode: Episode) -> Episode:
-        """Return as much of an episode as has to be stored for what is learned from it."""
+        """Return the part of an episode that learning needs and that is stored."""
         return episode

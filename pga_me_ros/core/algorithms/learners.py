@@ -1,4 +1,4 @@
-"""What each algorithm learns with; apart from the algorithms, as it brings torch along, which light processes lack."""
+"""The learner of each algorithm, in a file of its own because it imports torch, which light processes must not."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ LEARNERS: Mapping[str, Callable[[TaskSpec, Settings, int], Learner]] = {
 
 
 def make_learner(spec: TaskSpec, settings: Settings, workers: int = 1) -> Learner:
-    """Return what learns from experience, and makes a snapshot of it for each generation.
+    """Return the learner, which learns from experience and makes a snapshot for each generation.
 
     Args:
         spec: Task.

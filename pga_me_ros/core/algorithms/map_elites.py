@@ -1,4 +1,4 @@
-"""Standard MAP-Elites with directional variation (Vassiliades & Mouret 2018), as section 4.2 compares with."""
+"""Standard MAP-Elites with directional variation (Vassiliades & Mouret 2018), a baseline of section 4.2."""
 
 from __future__ import annotations
 

@@ -33,11 +33,11 @@ class PgaMapElites(Algorithm):
         ]
 
     def uses_critics(self, settings: Settings) -> bool:
-        """Whether the rates in force ask for gradients at all."""
+        """Whether the rates in force leave part of the batch to gradients."""
         return settings.n_evo < settings.batch_size
 
     def trains_meanwhile(self, settings: Settings, generation: int) -> bool:
-        """Section 3.1 calls the training asynchronous; there has to be some experience before it."""
+        """Asynchronous training (section 3.1), as soon as there is experience to train on."""
         first = settings.init_generations - (settings.critic_start == "last_init_batch")
         return (
             settings.schedule == "overlapped"

@@ -1,4 +1,4 @@
-"""Whether a snapshot can belong to a run: whoever receives one checks, since anybody can publish one."""
+"""Check that a snapshot can belong to a run: any node may publish one, so receivers validate it."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def require_fit(snapshot: Snapshot, spec: TaskSpec, settings: Settings) -> None:
         settings: Settings of the run.
 
     Raises:
-        RequestError: A network is missing, superfluous or of other layers than the run's, the states don't fit the run,
+        RequestError: A network is missing, unexpected or has other layers than the run's, the states don't fit the run,
             or the generation is negative.
     """
     expected = algorithm_of(settings).snapshot_networks(spec, settings)

@@ -1,7 +1,7 @@
-"""Parts of a robot that are always in one place, so that reading one of them is enough.
+"""Find parts of a robot that always share x and y, so that reading one of them is enough.
 
-The models weld parts to each other and hang them on rails, which gives a planar robot several links that share x and y
-to the last bit in every pose. The engine makes dozens of numbers for every link that it is asked about.
+The models weld parts to each other and to rails. So several links of a planar robot share x and y bit for bit in every
+pose. Reading a link is expensive: the engine computes dozens of numbers for it.
 """
 
 from __future__ import annotations
@@ -11,21 +11,21 @@ import random
 from pga_me_ros.tasks.bullet.world import World
 
 POSES = 16
-"""Poses that are looked at: two places that differ at all differ in some of so many."""
+"""Number of random poses; parts that don't always share a place differ in at least one of them."""
 
 
 def places_of(world: World, parts: list[int]) -> list[int]:
-    """Return for each part the part that stands for its place.
+    """Return for each part the part to read in its place.
 
-    The robot is put into poses drawn at random, which the next episode's beginning undoes.
+    Leaves the robot in a random pose; the next episode resets it.
 
     Args:
         world: World with the robot.
         parts: Link indices, -1 for the base.
 
     Returns:
-        For each part the torso, if its x and y are those of the torso in every pose, else the first part whose x and y
-        are its own in every pose, which may be itself.
+        For each part: the torso if the two share x and y in every pose, else the first part that shares its x and y in
+        every pose, which may be the part itself.
     """
     draws = random.Random(0)
     tracks: list[list[tuple[float, float]]] = [[] for _ in parts]

@@ -1,4 +1,4 @@
-"""Damage to the PyBullet robots and their floor, done once to a newly opened world."""
+"""Damage to the PyBullet robots and their floor, applied once to a newly opened world."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from pga_me_ros.tasks.bullet.world import FLOOR_FRICTION, GRAVITY, World
 from pga_me_ros.tasks.damage import DamageError, Fault, check_parts, read_damage
 
 HOLDING = 1e4
-"""Greatest torque that holds a joint that is stuck, N·m; more changes nothing."""
+"""Greatest torque that holds a stuck joint, N·m; more changes nothing."""
 
 REMAINS = 1e-3
-"""Share of its mass that a missing part keeps: the engine needs some, and the torso does not feel so little."""
+"""Share of its mass that a missing part keeps: the engine needs some mass, and so little has no effect on the torso."""
 
 
 class Damaged:
-    """What is wrong with a robot and its world; nothing without a text.
+    """Damage to a robot and its world.
 
     Args:
-        text: As in `damage.read_damage`.
+        text: As in `damage.read_damage`; empty for no damage.
         name: Name of the task, for messages.
         robot: The robot.
 
@@ -31,7 +31,7 @@ class Damaged:
     """
 
     def __init__(self, text: str, name: str, robot: Robot) -> None:
-        """Read what is wrong."""
+        """Read and check the text."""
         self._name = name
         self._faults = read_damage(text)
         check_parts(name, self._faults, robot.torques, robot.contact_links)
@@ -47,7 +47,7 @@ class Damaged:
         """Damage a newly opened world.
 
         Raises:
-            DamageError: A joint cannot be at the angle at which it is to be stuck.
+            DamageError: The angle of a stuck joint is beyond its limits.
         """
         import pybullet
 
@@ -72,17 +72,17 @@ class Damaged:
                 self._change(world.floor, -1, lateralFriction=world.floor_friction)
 
     def pose(self, positions: list[float]) -> list[float]:
-        """Return initial positions of the joints, rad, given those of a sound robot."""
+        """Return initial positions of the joints, rad, given those of an undamaged robot."""
         for joint, angle in self._stuck.items():
             positions[joint] = angle
         return positions
 
     def _share(self, fault: Fault) -> float:
-        """Return the share of its torque that a damaged joint has."""
+        """Return the share of its torque that a damaged joint keeps."""
         return fault.value if fault.kind == "weak" else 0.0
 
     def _angle(self, fault: Fault) -> float:
-        """Return the angle at which a joint is stuck, by default the one within its limits that is nearest to 0.
+        """Return the angle, rad, at which a joint is stuck; by default the one nearest to 0 within its limits.
 
         Raises:
             DamageError: The angle is beyond the joint's limits.
@@ -113,7 +113,7 @@ class Damaged:
         )
 
     def _remove(self, joint: str) -> None:
-        """Take away a joint and all below it: almost no mass, no contacts, nothing to be seen."""
+        """Remove a joint and all links below it: almost no mass, no contacts, invisible."""
         world, pybullet = self._world, self._pybullet
         below = {world.joints[self._motors.index(joint)]}
         for index in range(world.joint_count):
@@ -134,12 +134,12 @@ class Damaged:
                         world.robot, index, rgbaColor=(0, 0, 0, 0), physicsClientId=world.client
                     )
         for motor, index in enumerate(world.joints):
-            if index in below:  # what is left of it must not swing about
+            if index in below:  # keep the remains from swinging about
                 lower, upper = world.joint_limits[motor]
                 self._hold(self._motors[motor], min(max(0.0, lower), upper))
 
     def _tilt(self, angle: float) -> None:
-        """Tilt gravity, as the robot on a slope feels it; its rails and its height stay those of the floor."""
+        """Tilt gravity instead of the floor; rails and height stay relative to the level floor."""
         x, z = GRAVITY * math.sin(angle), GRAVITY * math.cos(angle)
         self._pybullet.setGravity(x, 0.0, z, physicsClientId=self._world.client)
 

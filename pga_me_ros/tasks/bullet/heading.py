@@ -1,9 +1,9 @@
-"""Where a robot is relative to its target: progress, angle to it, velocity as seen by the robot.
+"""Where a robot is relative to its target: progress, angle to it, velocity in the robot's frame.
 
-The numbers are those of PyBullet's own locomotion environments to the last bit. That is why sums
-are taken in NumPy's order, the angle by NumPy's arctan2 (which differs from the C library's in the
-last bit where NumPy has a vectorised one; sine and cosine do not) and products by NumPy's dot
-(which may fuse multiply and add).
+The numbers equal those of PyBullet's own locomotion environments bit for bit. That is why sums are
+taken in NumPy's order, the angle by NumPy's arctan2 (whose vectorized form differs from the C
+library's in the last bit; sine and cosine do not) and products by NumPy's dot (which may fuse
+multiply and add).
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from pga_me_ros.tasks.bullet.robots import CONTROL_PERIOD
 from pga_me_ros.tasks.bullet.sums import pairwise_sum
 
 TARGET_X = 1000.0
-"""Where the robot is to run to along x, m; y is 0. Far enough that progress is speed along x."""
+"""x of the target, m; its y is 0. Far enough away that progress is speed along x."""
 
 Vector = tuple[float, float, float]
 
 
 class Heading:
-    """Computes a robot's heading; holds small arrays, which are dear to make but cheap to fill."""
+    """Computes a robot's heading; keeps small arrays, which are expensive to create but cheap to fill."""
 
     def __init__(self) -> None:
         """Make the arrays."""
@@ -38,19 +38,19 @@ class Heading:
         """Return the potential, whose change is the progress, and five entries of the observation.
 
         Args:
-            xs: x of each part of the robot, m. The floor counts as one more, at the origin.
+            xs: x of each part of the robot, m. The floor counts as one more part, at the origin.
             ys: y of each part, m.
             yaw: Yaw of the torso, rad.
             velocity: Velocity of the torso, m/s.
 
         Returns:
-            Minus the distance to the target over the control period, m/s; and the list of sine and
-            cosine of the angle to the target and the velocity turned by -yaw, m/s.
+            Minus the distance to the target divided by the control period, m/s; and a list of sine and
+            cosine of the angle to the target and the velocity rotated by -yaw, m/s.
         """
         count = len(xs) + 1
         ahead = TARGET_X - pairwise_sum(xs) / count
         if yaw == 0.0 and ahead > 0.0 and not any(ys):
-            # A planar robot on its line: what follows below would give these very numbers.
+            # A planar robot on its line: a shortcut that gives exactly what the code below would.
             turned = [velocity[0] + 0.0, velocity[1] + 0.0, velocity[2] + 0.0]
             return -ahead / CONTROL_PERIOD, [0.0, 1.0, *turned]
         aside = 0.0 - pairwise_sum(ys) / count

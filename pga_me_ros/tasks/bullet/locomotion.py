@@ -1,8 +1,8 @@
-"""The QD locomotion tasks of §4.1 (Nilsson & Cully 2021): run far and frugally, whichever way.
+"""The QD locomotion tasks of §4.1 (Nilsson & Cully 2021): run fast at little energy, with many gaits.
 
-Observation, reward and termination are those of PyBullet's own locomotion environments, bit for
-bit. PyBullet is asked once per step for each thing that is needed; the rest is arithmetic on plain
-floats, which on this few numbers is several times faster than arrays.
+Observation, reward and termination equal those of PyBullet's own locomotion environments, bit for
+bit. Each quantity is read from PyBullet once per step; the rest is arithmetic on plain floats,
+which for so few numbers is several times faster than arrays.
 """
 
 from __future__ import annotations
@@ -40,23 +40,23 @@ Quaternion = tuple[float, float, float, float]
 
 
 class LocomotionTask:
-    """A robot that runs along x; `pga_me_ros.tasks.protocol.Task` has the methods' contract.
+    """A robot that runs along x; `pga_me_ros.tasks.protocol.Task` documents the methods.
 
     Reward of a step: alive bonus (+1, else -1), plus the speed towards the target in m/s, minus
     2 mean(abs(0.1 joint speed * action)), minus 0.1 mean(action²), minus 0.1 per joint at a limit.
-    The position that counts is the mean over the parts of the robot and the floor.
+    The robot's position is the mean over its parts and the floor.
 
     Descriptor: share of the episode's steps after which each foot touched the floor; 0 before the
     first step.
 
     Args:
         render: Whether to open PyBullet's window.
-        randomization: What is another in each episode, see `pga_me_ros.tasks.randomization`; empty for nothing.
-        damage: What is wrong in all episodes, see `pga_me_ros.tasks.damage`; empty for nothing.
+        randomization: What varies from episode to episode, see `pga_me_ros.tasks.randomization`; empty for nothing.
+        damage: Damage in all episodes, see `pga_me_ros.tasks.damage`; empty for none.
 
     Raises:
-        DamageError: The text makes no sense, or this robot has no such part.
-        RandomizationError: The text makes no sense.
+        DamageError: The text is invalid, or this robot has no such part.
+        RandomizationError: The text is invalid.
         TaskError: PyBullet cannot open a world or load the robot.
     """
 
@@ -66,7 +66,7 @@ class LocomotionTask:
     _joints_at_limit: int
 
     def __init__(self, *, render: bool = False, randomization: str = "", damage: str = "") -> None:
-        """Open a world and begin an episode, so that every method may be called at once."""
+        """Open a world and begin an episode, so that any method can be called right away."""
         import pybullet
 
         self._pybullet = pybullet
@@ -112,15 +112,15 @@ class LocomotionTask:
         """Apply torques for one control period of 16.5 ms.
 
         Args:
-            action: (action_dim,) float32 array; the torques are limited to those of ±1, the cost of
-                electricity is not.
+            action: (action_dim,) float32 array; clipped to ±1 for the torques, but not for the cost
+                of electricity.
 
         Returns:
             Observation, (observation_dim,) float32 within ±5; reward; whether the robot fell.
 
         Raises:
             TaskError: The action has the wrong length.
-            NonFiniteActionError: The action holds NaN or infinity; nothing was simulated.
+            NonFiniteActionError: The action contains NaN or infinity; nothing was simulated.
         """
         pybullet, world, randomized = self._pybullet, self._world, self._randomized
         commands = np.asarray(action, np.float32).tolist()
@@ -163,10 +163,10 @@ class LocomotionTask:
 
     @classmethod
     def check_damage(cls, damage: str) -> None:
-        """Check that a text names damage that this robot can have, without a simulator.
+        """Check that a text describes damage that this robot can have, without a simulator.
 
         Raises:
-            DamageError: It does not.
+            DamageError: The text is invalid, or this robot has no such part.
         """
         Damaged(damage, cls.spec.name, cls.robot)
 
@@ -182,7 +182,7 @@ class LocomotionTask:
 
     @property
     def body(self) -> Body:
-        """The robot in its world, for whoever shows it; another one after a simulation that diverged."""
+        """The robot in its world, for display; a new one after a simulation that diverged."""
         world = self._world
         return Body(world.client, world.robot, world.torso, world.model_path, self.robot.torques)
 
@@ -195,11 +195,11 @@ class LocomotionTask:
         self._damaged.enter(world)
         self._joint_scales = [(lower, upper - lower) for lower, upper in world.joint_limits]
         self._contact_indices = [world.links[name] for name in self.robot.contact_links]
-        # The mean position adds the torso second: that is where the engine's list of parts has it.
+        # The mean position adds the torso second, as in the environments' list of parts.
         first, *others = (index for index in world.links.values() if index != world.torso)
         parts = [first, world.torso, *others]
         places = places_of(world, parts)
-        # The torso's place is read anyway, with its velocity.
+        # The torso's position is read anyway, with its velocity.
         self._read_links = sorted(set(places) - {world.torso})
         order = [world.torso, *self._read_links]
         self._pick_parts = itemgetter(*(order.index(place) for place in places))
@@ -252,7 +252,7 @@ class LocomotionTask:
         return self._pick_parts(xs), self._pick_parts(ys)
 
     def _electricity(self, commands: list[float], speeds: list[float]) -> float:
-        """Return the cost of driving the motors, both means in float32 as the engine takes them.
+        """Return the cost of driving the motors; both means are in float32, as in PyBullet's environments.
 
         Args:
             commands: The action; float32 values, so that products in float64 are exact.
@@ -262,7 +262,7 @@ class LocomotionTask:
         stall = [command * command for command in commands]
         try:
             power_mean, stall_mean = self._float32_means(power, stall)
-        except OverflowError:  # beyond float32, where the engine's means are infinite
+        except OverflowError:  # beyond float32, where their means are infinite
             return -math.inf
         return ELECTRICITY_COST * power_mean + STALL_TORQUE_COST * stall_mean
 

@@ -14,23 +14,23 @@ class Motors:
 
     Args:
         name: Name of the task, for messages.
-        greatest: Torque of each motor at an action of 1, N·m.
+        greatest: Greatest torque of each motor, at an action of 1, N·m.
     """
 
     def __init__(self, name: str, greatest: Sequence[float]) -> None:
-        """Keep what torques depend on."""
+        """Keep the name and the torques."""
         self._name = name
         self._greatest = tuple(greatest)
 
     def __call__(self, commands: list[float]) -> list[float]:
-        """Return the torques for an action, N·m, those of ±1 for entries beyond.
+        """Return the torques, N·m, for an action; entries are clipped to ±1.
 
         Args:
             commands: One number per motor.
 
         Raises:
-            TaskError: There are more or fewer.
-            NonFiniteActionError: One is NaN or infinite.
+            TaskError: The number of entries is wrong.
+            NonFiniteActionError: An entry is NaN or infinite.
         """
         if len(commands) != len(self._greatest):
             raise TaskError(

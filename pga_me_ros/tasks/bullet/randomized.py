@@ -14,21 +14,21 @@ from pga_me_ros.tasks.bullet.world import World
 from pga_me_ros.tasks.randomization import read_ranges
 
 PUSH_EVERY = round(1.0 / CONTROL_PERIOD)
-"""Control steps between the beginnings of two pushes: a second."""
+"""Control steps from the start of one push to the next: one second."""
 
 PUSH_FOR = round(0.1 / CONTROL_PERIOD)
 """Control steps that a push lasts: a tenth of a second."""
 
 
 class Randomized:
-    """What is randomized about a robot and its world; nothing without ranges.
+    """Domain randomization of a robot and its world.
 
-    Draws come from the generator that the episode begins with, after its initial pose: first those that hold for the
-    whole episode, in the order of `randomization.KINDS`, then, step by step, the noise on observations.
+    All values are drawn from the episode's generator, after the initial pose: first those that hold for the whole
+    episode, in the order of `randomization.KINDS`, then, step by step, the noise on observations.
 
     Args:
-        text: As in `randomization.read_ranges`.
-        planar: Whether the robot moves in a plane only, and is pushed along it.
+        text: As in `randomization.read_ranges`; empty for nothing.
+        planar: Whether the robot moves only in a plane; it is then pushed only within it.
 
     Attributes:
         active: Whether anything is randomized.
@@ -50,7 +50,7 @@ class Randomized:
         self._phase = self._step = 0
 
     def enter(self, world: World) -> None:
-        """Take a newly opened world, in which nothing is changed yet."""
+        """Attach to a newly opened world, and take its present masses as the nominal ones."""
         import pybullet
 
         self._pybullet = pybullet
@@ -62,10 +62,10 @@ class Randomized:
         self._masses = [(link, info[0], info[2]) for link, info in infos if info[0] > 0.0]
 
     def begin_episode(self, rng: np.random.Generator, joints: int, steps: int) -> None:
-        """Draw what an episode is like, and change the world accordingly.
+        """Draw the values of an episode and apply them to the world.
 
         Args:
-            rng: Generator of the episode; noise is drawn from it later on, too.
+            rng: Generator of the episode; the steps draw their noise from it, too.
             joints: Number of motors.
             steps: Greatest number of steps of the episode.
         """
@@ -94,20 +94,20 @@ class Randomized:
             self._draw_pushes(rng, steps)
 
     def delayed(self, commands: list[float]) -> list[float]:
-        """Return the action that takes effect in this step, given the one that was commanded."""
+        """Return the action that takes effect in this step, given the one commanded now."""
         if not self._delay:
             return commands
         self._waiting.append(commands)
         return self._waiting.popleft()
 
     def torques(self, torques: list[float]) -> list[float]:
-        """Return the motors' torques, given those of sound motors."""
+        """Return the randomized torques of the motors, given the nominal ones."""
         if self._torques is None:
             return torques
         return [t * factor for t, factor in zip(torques, self._torques.tolist(), strict=True)]
 
     def push(self) -> None:
-        """Push the robot if this step is one of those; to be called right before each step of the simulation."""
+        """Push the robot if a push is due; call this right before each simulation step."""
         if not self._pushes:
             return
         which, since = divmod(self._step - self._phase, PUSH_EVERY)
@@ -126,7 +126,7 @@ class Randomized:
         )
 
     def sensed(self, observation: Float32Array, entries: int) -> Float32Array:
-        """Put the sensors' noise on the first entries of an observation; the others are switches. Returns it."""
+        """Add noise to the first entries of an observation in place and return it; the others are contact flags."""
         if self._sigma:
             noise = self._rng.standard_normal(entries, np.float32)
             observation[:entries] += noise * np.float32(self._sigma)
@@ -140,7 +140,7 @@ class Randomized:
         return self._pybullet.getLinkState(world.robot, world.torso, 0, 1, world.client)[0]
 
     def _change_masses(self, factors: Float64Array) -> None:
-        """Multiply the masses and inertias of the links that have some, always from those of the model."""
+        """Set masses and inertias of the links that have mass to multiples of the nominal ones."""
         world = self._world
         for (link, mass, inertia), factor in zip(self._masses, factors.tolist(), strict=True):
             self._pybullet.changeDynamics(
@@ -152,7 +152,7 @@ class Randomized:
             )
 
     def _draw_pushes(self, rng: np.random.Generator, steps: int) -> None:
-        """Draw when the first push comes, and the force of each, N along x and y."""
+        """Draw the step of the first push, and the force of each push along x and y, N."""
         count = math.ceil(steps / PUSH_EVERY) + 1
         self._phase = int(rng.integers(PUSH_EVERY))
         forces = rng.uniform(*self._ranges["push"], count)
@@ -160,6 +160,6 @@ class Randomized:
         self._pushes = []
         for force, angle in zip(forces.tolist(), angles.tolist(), strict=True):
             x, y = math.cos(angle), math.sin(angle)
-            if self._planar:  # forward or backward, which is all that it can be moved
+            if self._planar:  # it can only move forward or backward
                 x, y = math.copysign(1.0, x), 0.0
             self._pushes.append((force * x, force * y))

@@ -1,7 +1,7 @@
 """The four robots of the QD locomotion tasks: what differs between them, as data.
 
-Sizes, torques, limits and descriptors follow §4.1 of Nilsson & Cully (2021) as played by the
-locomotion environments of PyBullet that the paper used. Nothing here imports pybullet.
+Sizes, torques, limits and descriptors follow §4.1 of Nilsson & Cully (2021) and the locomotion
+environments of PyBullet that the paper used. Nothing here imports pybullet.
 """
 
 from __future__ import annotations
@@ -43,18 +43,18 @@ class Robot:
 
     Attributes:
         model: File below ``mjcf/`` of pybullet_data.
-        torso_is_base: Whether the torso is the free base of the body (Ant) or a link behind slides
-            and a hinge.
+        torso_is_base: Whether the torso is the free base of the body (Ant); otherwise it is a link that
+            slides and a hinge connect to the world.
         joint_limits: Lower and upper limit of each actuated joint as PyBullet reads the model, rad, in the order of
             `torques`.
         torques: Torque of each actuated joint at an action of 1, N·m, in the order of the joint
             indices.
         contact_links: Links whose contact with the floor is observed, in the order of the
             observation.
-        feet: Links whose share of time on the floor is the behavior descriptor, in its order.
+        feet: Links whose shares of time on the floor are the behavior descriptor, in its order.
         min_height: The torso must stay above this height, m; None for no limit.
         max_pitch: The torso's pitch must stay below this angle, rad; None for no limit.
-        bruising_links: Links that must not touch the floor for the alive bonus.
+        bruising_links: Links whose contact with the floor costs the alive bonus.
         can_fall: Whether losing the alive bonus ends the episode.
     """
 
@@ -107,7 +107,7 @@ def build_spec(name: str, robot: Robot, cells: int, bins: tuple[int, ...]) -> Ta
     )
 
 
-# Limits, rad: models give degrees, which PyBullet turns into float32.
+# Limits, rad: the models give degrees, which PyBullet converts in float32.
 _LEG = (-2.6179940700531006, 0.0)
 _FOOT = (-0.7853981852531433, 0.7853981852531433)
 _HIP = (-0.6981317400932312, 0.6981317400932312)

@@ -85,7 +85,7 @@ class Float32Means:
 
 
 def threshold_after_rounding(limit: float) -> float:
-    """Return t such that ``x > t`` says what ``float32(x) > float32(limit)`` says, for every x.
+    """Return t such that ``x > t`` is equivalent to ``float32(x) > float32(limit)``, for every x.
 
     Args:
         limit: A positive number.

@@ -17,7 +17,7 @@ GRAVITY = -9.8
 
 
 class World:
-    """One physics client with the floor, the robot, and the state that every episode starts from.
+    """A physics client with the floor, the robot, and the saved state that every episode starts from.
 
     Attributes:
         client: Id of the physics client.
@@ -48,7 +48,9 @@ class World:
         self._pybullet = pybullet
         self.client: int = pybullet.connect(pybullet.GUI if render else pybullet.DIRECT)
         if self.client < 0:
-            raise TaskError("PyBullet opened no world; without a display, leave `render` off")
+            raise TaskError(
+                "PyBullet could not open a world; without a display, leave `render` off"
+            )
         try:
             self._set_physics()
             self.floor = self._load_floor(pybullet_data.getDataPath())
@@ -61,21 +63,21 @@ class World:
             raise
 
     def begin_episode(self, positions: list[float]) -> None:
-        """Put the robot into its initial pose, at rest, whatever happened before.
+        """Reset the robot to its initial pose, at rest, independent of what happened before.
 
         Args:
             positions: Position of each actuated joint, rad.
         """
         pybullet, client, robot = self._pybullet, self.client, self.robot
         pybullet.restoreState(self._start, physicsClientId=client)
-        # Restoring leaves the contact points of the last episode in the engine's caches, and some would still push in
-        # the first steps. In the restored pose nothing touches, so looking for contacts there removes them all.
+        # restoreState leaves the last episode's contact points in the engine's caches, and some would still push in the
+        # first steps. In the restored pose nothing touches, so detecting collisions there removes them all.
         pybullet.performCollisionDetection(client)
         for joint, position in zip(self.joints, positions, strict=True):
             pybullet.resetJointState(robot, joint, position, 0.0, client)
 
     def pose(self, positions: list[float]) -> None:
-        """Put all joints somewhere, those that are no motor included; for looks, not for episodes.
+        """Set the positions of all joints, passive ones included; for display, not for episodes.
 
         Args:
             positions: Position of each of `joint_count` joints, rad or m.
@@ -151,8 +153,7 @@ class World:
             info = self._pybullet.getJointInfo(self.robot, index, self.client)
             name, lower, upper = info[1].decode(), info[8], info[9]
             self.links[info[12].decode()] = index
-            # The model's own names for the robot's freedom to move in the plane, and for welded
-            # parts.
+            # The model's names for joints that let the robot move in the plane, and for welds.
             if not name.startswith(("ignore", "jointfix")):
                 names.append(name)
                 self.joints.append(index)
@@ -165,7 +166,7 @@ class World:
         self.torso = -1 if robot.torso_is_base else self.links[TORSO]
 
     def _release_motors(self) -> None:
-        """Take the force from the motors that PyBullet gives every joint; torques drive it."""
+        """Disable the motors that PyBullet gives every joint; the tasks apply torques instead."""
         for index in range(self.joint_count):
             self._pybullet.setJointMotorControl2(
                 self.robot,

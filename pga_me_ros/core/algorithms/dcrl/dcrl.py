@@ -1,6 +1,6 @@
 """DCRL-MAP-Elites (Faldor, Chalumeau, Flageat & Cully, ACM TELO 2025), the successor of PGA-MAP-Elites.
 
-docs/algorithms.md says what was chosen where the sources leave something open.
+docs/algorithms.md lists our choices where the paper leaves something open.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from pga_me_ros.tasks.spec import TaskSpec
 
 
 class DcrlMapElites(PgaMapElites):
-    """GA offspring, then the actor asked for descriptors of elites, then PG offspring that keep their parent's.
+    """GA offspring, then the actor conditioned on elites' descriptors, then PG offspring that keep their parent's.
 
-    There is no greedy controller: one actor pi(s | d) takes its place, and critics Q(s, a | d) judge it.
+    There is no greedy controller: one actor pi(s | d) takes its place, evaluated by critics Q(s, a | d).
     """
 
     name = "dcrl_map_elites"
@@ -33,7 +33,7 @@ class DcrlMapElites(PgaMapElites):
     def offspring(self, settings: Settings, generation: int) -> list[Slots]:
         """Half of the batch by GA, a quarter by actor injection, a quarter by PG, unless settings say otherwise.
 
-        Injections come before PG offspring, because they take no time to make: their evaluation can begin.
+        Injected actors take no time to make, so they come before PG offspring: their evaluation can start at once.
         """
         b, n_ga = settings.batch_size, settings.n_evo
         n_injected = int((b - n_ga) * settings.injection_share)
@@ -44,10 +44,10 @@ class DcrlMapElites(PgaMapElites):
         ]
 
     def snapshot_networks(self, spec: TaskSpec, settings: Settings) -> Mapping[str, MlpShape]:
-        """Return the layers of the first critic and of the actor, which take a descriptor besides the observation."""
+        """Return the shapes of the first critic and of the actor, which take a descriptor besides the observation."""
         seen = ConditionedDimensions.of(spec)
         return {CRITIC: critic_shape(seen, settings), ACTOR: controller_shape(seen, settings)}
 
     def intended(self, operator: Operator, parents: Float64Array) -> Float64Array | None:
-        """PG offspring are meant to keep their parent's descriptor, the actor to reach the one that it is asked for."""
+        """PG offspring are meant to keep their parent's descriptor, the actor to reach the one it is conditioned on."""
         return None if operator not in (Operator.ACTOR_INJECTION, Operator.PG) else parents[:, 0]

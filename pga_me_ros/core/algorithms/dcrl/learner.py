@@ -1,4 +1,4 @@
-"""What DCRL-MAP-Elites learns with: the critics and the actor of `CriticLearner`, conditioned on descriptors."""
+"""The learner of DCRL-MAP-Elites: the critics and the actor of `CriticLearner`, conditioned on descriptors."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from pga_me_ros.tasks.spec import TaskSpec
 
 
 class DcrlLearner(CriticLearner):
-    """TD3 on what a robot observes together with d', the descriptor that it was meant to achieve.
+    """TD3 on observations joined with d', the descriptor that the episode was meant to achieve.
 
     A transition (s, a, r, s') of an episode that achieved d is stored as ((s, d'), a, S(d, d') r, (s', d')). Training
-    on these trains Q(s, a | d') and pi(s | d') with rewards that count the less, the farther an episode missed its aim.
-    `textbook_step.TextbookDcrl` spells the same out; a test compares the two.
+    on these trains Q(s, a | d') and pi(s | d'); the farther an episode missed d', the less its rewards count.
+    `textbook_step.TextbookDcrl` is the same step written out; a test compares the two.
 
     Args:
         spec: Task.
@@ -39,7 +39,7 @@ class DcrlLearner(CriticLearner):
     def add(self, generation: int, episodes: Iterable[Episode]) -> None:
         """Add one generation's experience, in evaluation order.
 
-        An episode without an intended descriptor, as of GA and random controllers, counts as meant to do what it did.
+        Without an intended descriptor (GA and random controllers), the achieved one is taken as intended.
 
         Args:
             generation: Number of the generation, `newest` + 1.
@@ -51,16 +51,16 @@ class DcrlLearner(CriticLearner):
         super().add(generation, (self._conditioned(episode) for episode in episodes))
 
     def train(self, rates: Settings, generation: int) -> Snapshot:
-        """Train as `CriticLearner` does; see there. The snapshot has an actor in place of a greedy controller."""
+        """Train as `CriticLearner` does; the snapshot has an actor in place of a greedy controller."""
         snapshot = super().train(rates, generation)
         networks = {CRITIC: snapshot.network(CRITIC), ACTOR: snapshot.network(GREEDY)}
         states = snapshot.states[
             ..., : self._spec.observation_dim
-        ]  # PG offspring have aims of their own
+        ]  # each PG offspring brings its own descriptor
         return dataclasses.replace(snapshot, networks=networks, states=np.ascontiguousarray(states))
 
     def _conditioned(self, episode: Episode) -> Episode:
-        """Return an episode with the intended descriptor in its states, and rewards scaled by how well it was met."""
+        """Return an episode with the intended descriptor in its states and rewards scaled by the similarity."""
         achieved = scaled(episode.descriptor, self._spec)
         aim = achieved if episode.intended is None else scaled(episode.intended, self._spec)
         counts = similarity(achieved, aim, self._settings.similarity_length)

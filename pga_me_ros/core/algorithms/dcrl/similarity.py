@@ -1,4 +1,4 @@
-"""How much a reward counts for the descriptor that was intended (DCRL-MAP-Elites, Faldor et al. 2025)."""
+"""The weight of a reward, given achieved and intended descriptor (DCRL-MAP-Elites, Faldor et al. 2025)."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ def similarity(achieved: Float64Array, intended: Float64Array, length: float) ->
     Args:
         achieved: (..., d) float64 descriptors scaled to ±1 (`networks.conditioned.scaled`).
         intended: (..., d) float64, scaled in the same way.
-        length: l, the distance at which it is 1/e.
+        length: l, the distance at which the similarity is 1/e.
 
     Returns:
         (...) float64 above 0, 1 where the two are equal.

@@ -1,7 +1,7 @@
-"""A training step of DCRL-MAP-Elites as one would write it down, with torch's autograd (Faldor et al. 2025).
+"""A textbook training step of DCRL-MAP-Elites, with torch's autograd (Faldor et al. 2025).
 
-Nothing in a run uses it: it is what to read first, and what `DcrlLearner` is tested against. It is `TextbookTd3` with a
-descriptor in every network, and rewards that count as much as the descriptor was met.
+Runs don't use it: read it first, and `DcrlLearner` is tested against it. It is `TextbookTd3` with a descriptor as input
+of every network, and rewards weighted by the similarity of achieved and intended descriptor.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ class TextbookDcrl(TextbookTd3):
 
     @staticmethod
     def act(actor: nn.Module, states: Tensor, descriptors: Tensor) -> Tensor:
-        """Return the actions (N, act_dim) of an actor that is asked for descriptors."""
+        """Return the actions (N, act_dim) of an actor conditioned on descriptors."""
         actions: Tensor = actor(torch.cat((states, descriptors), 1))
         return actions
 
@@ -78,6 +78,6 @@ class TextbookDcrl(TextbookTd3):
     def values(
         critics: nn.ModuleList, states: Tensor, descriptors: Tensor, actions: Tensor
     ) -> list[Tensor]:
-        """Return the values (N, 1) that each critic gives actions in states, for descriptors."""
+        """Return each critic's values (N, 1) of actions in states, conditioned on descriptors."""
         inputs = torch.cat((states, descriptors, actions), 1)
         return [critic(inputs) for critic in critics]

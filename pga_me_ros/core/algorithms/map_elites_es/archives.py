@@ -1,4 +1,4 @@
-"""What MAP-Elites-ES (Colas et al. 2020) has found so far: elites to start from, and all behaviors, for novelty."""
+"""The archives of MAP-Elites-ES (Colas et al. 2020): elites to start from, and all behaviors, for novelty."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ from pga_me_ros.errors import StorageError
 from pga_me_ros.tasks.spec import TaskSpec
 
 SCALED = "cells_in_shares_of_range"
-"""Saved array that says so; the states of older versions lack it, and keep cells by distances in descriptor units."""
+"""Saved array that marks scaled distances; older states lack it, and find cells by distances in descriptor units."""
 
 COLUMNS = ("fitness", "behaviors", "centers", "generations")
-"""What is kept of each elite, apart from its cell."""
+"""Columns of the elites, apart from the cell."""
 
 
 class EsArchives:
@@ -58,12 +58,12 @@ class EsArchives:
     def add(
         self, center: Float32Array, fitness: float, behavior: Float64Array, generation: int
     ) -> None:
-        """Take a center that was evaluated; one that is strictly fitter replaces the elite of its cell.
+        """Add an evaluated center; it replaces the elite of its cell if it is strictly fitter.
 
         Args:
             center: (P,) float32.
-            fitness: What it achieved.
-            behavior: (d,) float64 how.
+            fitness: Its fitness.
+            behavior: (d,) float64 its descriptor.
             generation: Generation that evaluated it, later than those before.
         """
         self._behaviors = np.concatenate((self._behaviors, behavior[None]))
@@ -79,12 +79,12 @@ class EsArchives:
                 self._elites[name][row] = value
 
     def novelty(self, behaviors: Float64Array) -> Float64Array:
-        """Return the novelty (n,) of behaviors (n, d) among those of all centers, of which there is one at least."""
+        """Return the novelty (n,) of behaviors (n, d) among those of all centers, of which there must be one."""
         neighbors = self._settings.es_neighbors
         return novelty(self._shares(behaviors), self._shares(self._behaviors), neighbors)
 
     def start(self, explore: bool, generation: int) -> Float32Array:
-        """Draw the elite (P,) that the next steps start from; they begin with a generation's samples."""
+        """Draw the elite (P,) that the next steps start from, at the given generation."""
         fitness = self._elites["fitness"]
         if self._settings.es_cell_sampling == "plain":
             probabilities = plain_probabilities(fitness)
@@ -96,9 +96,9 @@ class EsArchives:
         return self._elites["centers"][rng.choice(len(fitness), p=probabilities)].copy()
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """Return all of it, by name; the arrays are not changed afterwards."""
+        """Return the whole state by name; the arrays are not changed afterwards."""
         elites = {f"elite_{name}": column.copy() for name, column in self._elites.items()}
-        # Told only where it matters, so that the files of tasks in the unit box stay what they were.
+        # Saved only where it matters, so that files of tasks in the unit box stay the same.
         told = {SCALED: np.ones(1, np.int64)} if self._scaled and not self._unit_box else {}
         return {"behaviors": self._behaviors, "elite_cells": self._cells, **told, **elites}
 
@@ -121,7 +121,7 @@ class EsArchives:
 
     @cached_property
     def _archive(self) -> Archive:
-        """Tells which behavior is of which cell; made when it is first needed, since that takes seconds."""
+        """Maps behaviors to cells; made on first use, since that takes seconds."""
         archive = make_archive(self._spec, self._settings)
         if self._scaled or not isinstance(archive, CvtArchive):
             return archive
@@ -133,7 +133,7 @@ class EsArchives:
         return {*self._spec.descriptor_low} == {0.0} and {*self._spec.descriptor_high} == {1.0}
 
     def _elite_novelty(self) -> Float64Array:
-        """Return the novelty of elites among the behaviors of all centers but their own."""
+        """Return the novelty of each elite among the behaviors of all other centers."""
         others = len(self._behaviors) - 1
         if not others:
             return np.zeros(1)
@@ -142,7 +142,7 @@ class EsArchives:
         return novelty(elites, all_centers, near) * near / (near - 1)
 
     def _shares(self, behaviors: Float64Array) -> Float64Array:
-        """Return (n, d) behaviors in shares of the descriptor's range; in the unit box, the same to the last bit."""
+        """Return (n, d) behaviors in shares of the descriptor's range; unchanged, bit for bit, in the unit box."""
         low, high = np.array(self._spec.descriptor_low), np.array(self._spec.descriptor_high)
         return (behaviors - low) / (high - low)
 
@@ -154,9 +154,9 @@ def checked(
 
     Args:
         state: Arrays by name.
-        name: Which.
-        dtype: Type of its entries.
-        shape: Its shape, None for any length.
+        name: Name of the array.
+        dtype: Expected dtype.
+        shape: Expected shape, None for any length.
 
     Raises:
         StorageError: The array is missing, or has another type or shape.

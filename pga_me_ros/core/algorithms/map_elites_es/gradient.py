@@ -1,7 +1,7 @@
 """Evolution strategies on flat vectors: mirrored samples, ranks, the gradient estimate, Adam.
 
-As in Salimans et al. (2017) and in MAP-Elites-ES (Colas et al. 2020), which is built of them. NumPy alone, and no
-matrix products: sums have one order, whatever library of linear algebra is installed and however many threads it has.
+As in Salimans et al. (2017) and in MAP-Elites-ES (Colas et al. 2020), which builds on it. NumPy alone, without matrix
+products: the order of summation must not depend on the BLAS library or its number of threads.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from pga_me_ros.arrays import Float32Array, Float64Array
 
 BETA1, BETA2, EPSILON = 0.9, 0.999, 1e-8
-"""Adam's own (Kingma & Ba 2015), as coded by the authors of MAP-Elites-ES."""
+"""Adam's defaults (Kingma & Ba 2015), which the authors of MAP-Elites-ES use."""
 
 
 def centered_ranks(values: ArrayLike) -> Float64Array:
@@ -38,8 +38,8 @@ def centered_ranks(values: ArrayLike) -> Float64Array:
 def gradient(weights: ArrayLike, noise: Iterator[Float32Array], size: int) -> Float64Array:
     """Estimate the direction in which samples have greater weights, from mirrored pairs.
 
-    It is the mean over pairs of (w+ - w-) * eps. Where weights are values of a smooth function, that is 2 * sigma times
-    its gradient plus terms of higher order; the authors do not divide by sigma either.
+    It is the mean over pairs of (w+ - w-) * eps. For weights that are values of a smooth function, that is 2 * sigma
+    times its gradient plus higher-order terms; the authors do not divide by sigma either.
 
     Args:
         weights: (2n,) weights of the samples, in the order of `mirrored`.
@@ -58,7 +58,7 @@ def gradient(weights: ArrayLike, noise: Iterator[Float32Array], size: int) -> Fl
 
 @dataclass(frozen=True)
 class Moments:
-    """What Adam remembers.
+    """The state of Adam.
 
     Attributes:
         mean: (P,) float64 running mean of the gradients.
@@ -72,7 +72,7 @@ class Moments:
 
     @classmethod
     def none(cls, size: int) -> Moments:
-        """Return those before the first step."""
+        """Return the state before the first step."""
         return cls(np.zeros(size), np.zeros(size), 0)
 
 
@@ -84,11 +84,11 @@ def adam_ascent(
     Args:
         point: (P,) float32.
         slope: (P,) float64 gradient there.
-        moments: What Adam remembers of earlier steps.
+        moments: Adam's state after earlier steps.
         learning_rate: Adam's step size.
 
     Returns:
-        The next point, and what to remember.
+        The next point, and Adam's next state.
     """
     steps = moments.steps + 1
     mean = BETA1 * moments.mean + (1.0 - BETA1) * slope

@@ -1,4 +1,4 @@
-"""MAP-Elites-ES (Colas et al. 2020) between two generations: from what samples achieved to the next center."""
+"""The step of MAP-Elites-ES (Colas et al. 2020) between two generations: from samples' results to the next center."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ from pga_me_ros.tasks.spec import TaskSpec
 
 
 class EsLearner:
-    """The state of the evolution strategy: where it is, how it got there, and what it has found.
+    """The state of the evolution strategy: center, Adam's moments, and archives.
 
     It climbs from a center for `es_steps` steps, each on the samples of one generation: up the fitness (exploit) or up
-    the novelty of behaviors (explore). Then it changes from one to the other, starts from an elite and forgets Adam's
-    moments. Where a step leads is evaluated once, in the first place of the next generation's batch, and offered to the
-    archive; unless that was the last step before a new start, it is also the center of that generation's samples.
+    the novelty of behaviors (explore). Then it switches between the two, restarts from an elite and resets Adam. The
+    controller that a step reaches is evaluated once, in the first place of the next generation's batch, and offered to
+    the archive; it is also the center of that generation's samples, unless the strategy restarts there.
 
     Args:
         spec: Task.
@@ -40,7 +40,7 @@ class EsLearner:
 
     Attributes:
         version: Steps taken since the start of the run.
-        newest: Generation whose results it has, -1 for none.
+        newest: Generation whose results it holds, -1 for none.
     """
 
     def __init__(self, spec: TaskSpec, settings: Settings) -> None:
@@ -61,11 +61,11 @@ class EsLearner:
         self.newest = -1
 
     def add(self, generation: int, episodes: Iterable[Episode]) -> None:
-        """Take a generation's results in the place of those of the one before.
+        """Replace the previous generation's results.
 
         Args:
             generation: Number of the generation.
-            episodes: All its episodes, in evaluation order; only fitness and descriptor count.
+            episodes: All its episodes, in evaluation order; only fitness and descriptor are used.
         """
         episodes = list(episodes)
         self._fitness = np.array([e.fitness for e in episodes], np.float64)
@@ -73,7 +73,7 @@ class EsLearner:
         self.newest = generation
 
     def start_greedy_at(self, parameters: Float32Array) -> None:
-        """Refuse, since the first center is the first controller of the run.
+        """Refuse: the first center is the first controller of the run.
 
         Raises:
             PgaError: Always.
@@ -81,14 +81,14 @@ class EsLearner:
         raise PgaError("map_elites_es starts at its first controller; remove greedy_init.")
 
     def train(self, rates: Settings, generation: int) -> Snapshot:
-        """Take a step on the results of the generation before.
+        """Take a step on the results of the previous generation.
 
         Args:
-            rates: Settings with the rates in force; none is the strategy's.
+            rates: Settings with the rates in force; the strategy uses none of them.
             generation: Generation whose offspring it is for.
 
         Raises:
-            PgaError: The results of the generation before were not added.
+            PgaError: The results of the previous generation were not added.
             NetworkError: A parameter is not finite after the step.
         """
         if generation < 1 or self.newest != generation - 1:
@@ -109,7 +109,7 @@ class EsLearner:
         return self._snapshot(generation)
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """Return all but the newest results, by name."""
+        """Return the state by name, without the newest results."""
         return {
             "center": self._center,
             "reached": self._reached,

@@ -17,9 +17,9 @@ from pga_me_ros.tasks.spec import TaskSpec
 
 
 class MapElitesEs(Algorithm):
-    """A generation is one step: the controller that the last step led to, and samples around the center of this one.
+    """A generation is one ES step: the controller that the last step reached, and samples around this one's center.
 
-    Samples count as evaluations, but only what a step led to is offered to the archive.
+    Samples count as evaluations, but only the controllers that steps reach are offered to the archive.
     """
 
     name = "map_elites_es"
@@ -28,7 +28,7 @@ class MapElitesEs(Algorithm):
     learns_critics = False
 
     def batch_plan(self, settings: Settings, generation: int, imported: int = 0) -> list[Slots]:
-        """Return which operator fills which places: the first step is from a random controller."""
+        """Return which operator fills which places: the first step starts from a random controller."""
         center = Operator.RANDOM if generation == 0 else Operator.GREEDY
         return [Slots(center, 0, 1), Slots(Operator.ES_SAMPLE, 1, settings.es_samples)]
 
@@ -37,20 +37,20 @@ class MapElitesEs(Algorithm):
         return self.batch_plan(settings, generation)
 
     def uses_critics(self, settings: Settings) -> bool:
-        """Always: each step takes the place of a training."""
+        """Always: each ES step takes the place of critic training."""
         return True
 
     def snapshot_networks(self, spec: TaskSpec, settings: Settings) -> Mapping[str, MlpShape]:
-        """Return the layers of what the last step led to, and of the center of the samples."""
+        """Return the shapes of the controller that the last step reached and of the center of the samples."""
         shape = controller_shape(spec, settings)
         return {GREEDY: shape, CENTER: shape}
 
     def offered(self, operators: Int64Array) -> BoolArray:
-        """Return all but the samples."""
+        """Offer all but the samples."""
         return operators != Operator.ES_SAMPLE
 
     def remembered(self, episode: Episode) -> Episode:
-        """Return the first step of an episode: of the others, only what they added up to matters."""
+        """Return an episode cut to its first step: learning needs only its fitness and descriptor."""
         return replace(
             episode,
             states=episode.states[:2].copy(),

@@ -1,4 +1,4 @@
-"""Where MAP-Elites-ES starts its next steps: biased sampling of cells (Colas et al. 2020), as probabilities."""
+"""Cells that MAP-Elites-ES restarts from: biased sampling (Colas et al. 2020), as probabilities."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ import numpy as np
 from pga_me_ros.arrays import Float64Array, Int64Array
 
 RECENT = 5
-"""Cells whose elites changed last: an exploit start comes from the best of them, or from the best cell of all."""
+"""Most recently changed cells considered: an exploit start comes from the best of them or the best cell of all."""
 
 BEST_OF_RECENT = 2
-"""How many of those cells may be drawn."""
+"""Number of those cells that may be drawn."""
 
 MOST_NOVEL = 5
 """Cells that an explore start mostly comes from."""
@@ -20,10 +20,11 @@ UNIFORM_SHARE = 0.1
 
 
 def exploit_probabilities(fitness: Float64Array, changed: Int64Array) -> Float64Array:
-    """Return how likely exploit steps start from each cell.
+    """Return the probability that exploit steps start from each cell.
 
-    In half of the cases from the fittest elite; else from one of the two fittest of the five that changed last, in
-    proportion to how much fitter they are than the least fit of all, plus 1. Below five elites always from the fittest.
+    Half of the starts come from the fittest elite, the others from one of the two fittest of the five that changed
+    last, in proportion to fitness minus the least fitness of all, plus 1. With fewer than five elites, all come from
+    the fittest.
 
     Args:
         fitness: (m,) float64 fitness of the elites, m at least 1.
@@ -43,9 +44,9 @@ def exploit_probabilities(fitness: Float64Array, changed: Int64Array) -> Float64
 
 
 def explore_probabilities(novelty: Float64Array) -> Float64Array:
-    """Return how likely explore steps start from each cell.
+    """Return the probability that explore steps start from each cell.
 
-    Nine of ten starts come from the five most novel elites, in proportion to their novelty, the others from any cell.
+    Nine of ten starts come from the five most novel elites, in proportion to their novelty; the others from any cell.
 
     Args:
         novelty: (m,) float64 novelty of the elites, m at least 1, none negative.
@@ -63,7 +64,7 @@ def explore_probabilities(novelty: Float64Array) -> Float64Array:
 
 
 def plain_probabilities(fitness: Float64Array) -> Float64Array:
-    """Return how likely a start is from each cell without bias to novelty: half from the fittest elite, half from any.
+    """Return the probability of each cell without a novelty bias: half for the fittest elite, half uniform.
 
     Args:
         fitness: (m,) float64 fitness of the elites, m at least 1.

@@ -14,16 +14,15 @@ REWARD = -2
 
 
 class DiversityReplay:
-    """The transitions of a replay buffer, each with its state descriptor, rewarded by how novel that is.
+    """The transitions of a replay buffer with their state descriptors, rewarded by the descriptors' novelty.
 
-    The reward is measured when a transition is drawn, against the archive as it is then: what was novel once does not
-    stay so.
+    The reward is computed when a transition is drawn, against the current archive: novelty fades over time.
 
     Args:
         replay: The transitions.
         dimensions: Numbers per state descriptor.
-        archive: What novelty is measured against.
-        neighbors: Nearest state descriptors of the archive that count.
+        archive: Archive that novelty is measured against.
+        neighbors: Number of nearest state descriptors in the archive to use.
 
     Raises:
         PgaError: The machine cannot reserve memory for the state descriptors.
@@ -44,11 +43,11 @@ class DiversityReplay:
             ) from error
 
     def describe(self, descriptors: Float32Array) -> None:
-        """Take the state descriptors (n, d) of the n transitions that were added to the replay buffer last."""
+        """Add the state descriptors (n, d) of the n transitions last added to the replay buffer."""
         self._descriptors.append(descriptors)
 
     def newest_descriptors(self, n: int) -> Float32Array:
-        """Return the state descriptors of the newest n transitions, or of all there are, oldest first: (m, d)."""
+        """Return the state descriptors (m, d) of the newest n transitions, or of all if fewer, oldest first."""
         held = len(self._descriptors)
         return self._descriptors.take(np.arange(max(held - n, 0), held))
 
@@ -57,7 +56,7 @@ class DiversityReplay:
         return self._replay.sample_indices(rng, n)
 
     def rows(self, indices: Int64Array, out: Float32Array | None = None) -> Float32Array:
-        """Return rows of the replay buffer, (n, width) float32, with novelty in the place of reward."""
+        """Return rows of the replay buffer, (n, width) float32, with novelty as the reward."""
         rows = self._replay.rows(indices, out)
         descriptors = self._descriptors.take(indices)
         rows[:, REWARD] = self._archive.novelty(descriptors, self._neighbors)

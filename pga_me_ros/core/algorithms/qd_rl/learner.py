@@ -1,4 +1,4 @@
-"""QD-RL's side of learning: critics of quality and of diversity on one replay buffer (Cideron et al. 2020)."""
+"""The learner of QD-RL: critics of quality and of diversity on one replay buffer (Cideron et al. 2020)."""
 
 from __future__ import annotations
 
@@ -26,25 +26,25 @@ from pga_me_ros.tasks.rollout import Episode
 from pga_me_ros.tasks.spec import TaskSpec
 
 DIVERSITY = "diversity_"
-"""Begins the names of the diversity critics' arrays; those of quality have the names that they have without it."""
+"""Prefix of the diversity critics' arrays; the quality critics' arrays have the same names without it."""
 
 POINTS, SEEN = "state_archive", "state_archive_newest"
 
 
 class QdRlLearner(CriticLearner):
-    """Trains a second pair of critics, with a greedy controller of their own, on novelty in the place of reward.
+    """Trains a second pair of critics, with its own greedy controller, on novelty instead of reward.
 
-    The archive of state descriptors is brought up to date before each training, from the transitions of the
-    generations that it has not seen and that are still in the replay buffer. So it is a function of the trainings
-    alone, no matter which process did them and how often the replay buffer was refilled in between.
+    Before each training, the archive of state descriptors is updated with the transitions of new generations that are
+    still in the replay buffer. So it depends on the trainings alone, not on the process that did them or on how often
+    the replay buffer was refilled in between.
 
     Args:
-        spec: Task; it has state descriptors.
+        spec: Task, which must have state descriptors.
         settings: Settings of the run.
         workers: Threads of critic training.
 
     Attributes:
-        diversity_transitions: What the diversity critics train on.
+        diversity_transitions: Transitions that the diversity critics train on.
 
     Raises:
         TaskError: The task has no state descriptors.
@@ -53,7 +53,7 @@ class QdRlLearner(CriticLearner):
     """
 
     diversity_transitions: DiversityReplay
-    _unseen: int  # transitions that came in and that the archive has not seen
+    _unseen: int  # transitions added since the archive was last updated
 
     def __init__(self, spec: TaskSpec, settings: Settings, workers: int = 1) -> None:
         require_step_descriptor(spec)
@@ -75,7 +75,7 @@ class QdRlLearner(CriticLearner):
             self._unseen += episode.length if generation > self._seen else 0
 
     def train(self, rates: Settings, generation: int) -> Snapshot:
-        """Train both pairs of critics, that of quality as `CriticLearner` does; see there."""
+        """Train both pairs of critics, the quality critics as `CriticLearner` does."""
         snapshot = super().train(rates, generation)
         self._archive.add(self.diversity_transitions.newest_descriptors(self._unseen))
         self._seen, self._unseen = self.newest, 0
@@ -87,7 +87,7 @@ class QdRlLearner(CriticLearner):
         )
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """Return what `CriticLearner` does, the same of the diversity critics, and the archive of state descriptors."""
+        """Return the state of `CriticLearner`, of the diversity critics, and the archive of state descriptors."""
         diversity = self._diversity_trainer.state()
         return {
             **super().state(),
@@ -112,7 +112,7 @@ class QdRlLearner(CriticLearner):
         self._diversity_trainer.load_state(others)
         super().load_state(own, version)
         self._archive.points, self._seen = points, seen
-        # What this archive has not seen is counted as it comes in, so it has to come in again.
+        # `add` counts the transitions that the archive has not seen, so they must be added again.
         self.forget_experience()
 
     def _checked_archive(self, state: dict[str, NDArray[Any]]) -> tuple[Float32Array, int]:

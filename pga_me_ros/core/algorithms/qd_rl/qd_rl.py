@@ -1,6 +1,6 @@
-"""QD-RL (Cideron et al. 2020) with a MAP-Elites archive, as section 4.2 compares with.
+"""QD-RL (Cideron et al. 2020) with a MAP-Elites archive, a baseline of section 4.2.
 
-docs/algorithms.md says what was chosen where the sources leave something open.
+docs/algorithms.md lists our choices where the sources leave something open.
 """
 
 from __future__ import annotations
@@ -23,18 +23,18 @@ from pga_me_ros.tasks.spec import TaskSpec
 
 
 class QdRl(Algorithm):
-    """Elites of the Pareto fronts climb, one half the critic of quality and the other that of diversity."""
+    """PG offspring of elites on the Pareto fronts: half climb the quality critic, half the diversity critic."""
 
     name = "qd_rl"
     title = "QD-RL"
     operators = (Operator.QUALITY, Operator.DIVERSITY)
 
     def check_task(self, spec: TaskSpec) -> None:
-        """Refuse a task whose descriptor is not known at each step."""
+        """Refuse a task without state descriptors."""
         require_step_descriptor(spec)
 
     def offspring(self, settings: Settings, generation: int) -> list[Slots]:
-        """Half of the batch for quality, half for diversity; an odd place goes to quality."""
+        """Half of the batch for quality, half for diversity; quality gets the odd one."""
         b = settings.batch_size
         n_quality = (b + 1) // 2
         return [
@@ -47,7 +47,7 @@ class QdRl(Algorithm):
         return True
 
     def snapshot_networks(self, spec: TaskSpec, settings: Settings) -> Mapping[str, MlpShape]:
-        """Return also the layers of the first critic of diversity."""
+        """Return the shapes of the networks, the first diversity critic included."""
         networks = super().snapshot_networks(spec, settings)
         return {**networks, DIVERSITY_CRITIC: critic_shape(spec, settings)}
 
@@ -62,7 +62,7 @@ class QdRl(Algorithm):
     ) -> Int64Array:
         """Take parents from the Pareto fronts of fitness and novelty, see `pareto_parents`.
 
-        The parents of a whole generation are chosen at once, so any division of a batch gets the same.
+        The parents of a whole generation are chosen at once, so any division of a batch draws the same parents.
 
         Raises:
             ArchiveError: The archive is empty.

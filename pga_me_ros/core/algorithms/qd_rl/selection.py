@@ -14,11 +14,11 @@ from pga_me_ros.errors import ArchiveError
 
 
 def elite_novelty(archive: Archive, neighbors: int) -> Float64Array:
-    """Return how far each elite's descriptor lies from those of its nearest neighbors, on average.
+    """Return each elite's mean distance to its nearest neighbors in descriptor space.
 
     Args:
         archive: The elites.
-        neighbors: How many neighbors.
+        neighbors: Number of neighbors.
 
     Returns:
         (elites,) float64 in the order of their cells; distances are in shares of the descriptor's range.
@@ -32,12 +32,12 @@ def pareto_parents(
 ) -> Int64Array:
     """Choose the parents of a generation: the best fronts, as many elites as there are offspring.
 
-    Fronts are taken whole, best first; of the one that doesn't fit, elites are drawn at random. With fewer elites than
-    offspring, all are chosen, and their numbers of offspring differ by one at most. Places in the batch are random.
+    Fronts are taken whole, best first; from the one that doesn't fit, elites are drawn at random. With fewer elites
+    than offspring, all are chosen, and their numbers of offspring differ by at most one. Their order is random.
 
     Args:
         archive: Elites to choose from.
-        neighbors: Neighbors that an elite's novelty is measured with.
+        neighbors: Number of neighbors for an elite's novelty.
         rng: Generator of the draws.
         n: Number of parents, at least 1.
 
@@ -58,11 +58,11 @@ def pareto_parents(
 
 
 def pareto_ranks(first: ArrayLike, second: ArrayLike) -> Int64Array:
-    """Return the front that each point belongs to: 0 for those that no other dominates, and so on without them.
+    """Return the Pareto front of each point: 0 for non-dominated points, 1 for those dominated by front 0 alone, etc.
 
     A point dominates another if it is at least as great in both objectives and greater in one; equal points share a
-    front. One sweep by falling first objective: a point is dominated by a front exactly if some point of it that was
-    swept before is at least as great in the second, and the greatest second objective falls from front to front.
+    front. One sweep over descending first objective: a front dominates a point exactly if one of its points swept
+    earlier is at least as great in the second objective. The greatest second objective falls from front to front.
 
     Args:
         first: (n,) numbers.
@@ -80,9 +80,7 @@ def pareto_ranks(first: ArrayLike, second: ArrayLike) -> Int64Array:
             f"Objectives have the shapes {a.shape} and {b.shape}; expected two of (n,) without NaN."
         )
     ranks = np.zeros(len(a), np.int64)
-    lowered: list[
-        float
-    ] = []  # of each front, minus the greatest second objective so far: ascending
+    lowered: list[float] = []  # per front, minus the greatest second objective so far: ascending
     last: tuple[float, float] | None = None
     rank = 0
     for i in np.lexsort((-b, -a)).tolist():

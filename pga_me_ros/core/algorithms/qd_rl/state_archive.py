@@ -8,16 +8,16 @@ from pga_me_ros.arrays import Float32Array, Float64Array
 from pga_me_ros.core.archive.novelty import nearest_distance, novelty
 
 BLOCK = 256
-"""Descriptors that are offered at a time."""
+"""Descriptors that are added at a time."""
 
 
 class StateArchive:
-    """State descriptors that lie apart from each other, the newest of them.
+    """The newest state descriptors with a minimum distance between them.
 
     Args:
         dimensions: Number d of descriptor dimensions.
-        capacity: Greatest number of descriptors; the oldest make room.
-        spacing: A descriptor enters if it lies farther than this from all that are there; 0 lets all enter.
+        capacity: Greatest number of descriptors; the oldest are dropped.
+        spacing: A descriptor is added if it is farther than this from all in the archive; 0 adds all.
 
     Attributes:
         points: (m, d) float32, oldest first.
@@ -29,7 +29,7 @@ class StateArchive:
         self._spacing = spacing
 
     def add(self, descriptors: Float32Array) -> None:
-        """Offer descriptors one after the other; after every `BLOCK` of them the oldest beyond the capacity go.
+        """Offer descriptors one by one; after every `BLOCK` of them the oldest beyond the capacity are dropped.
 
         Args:
             descriptors: (n, d) float32.
@@ -45,12 +45,12 @@ class StateArchive:
                 self.points = np.concatenate([self.points, entered])[-self._capacity :]
 
     def novelty(self, descriptors: Float32Array, neighbors: int) -> Float64Array:
-        """Return the mean distance (n,) of (n, d) descriptors to the nearest ones here; 0 while there are none."""
+        """Return the mean distance (n,) of (n, d) descriptors to their nearest in the archive; 0 while it is empty."""
         return novelty(_wide(descriptors), _wide(self.points), neighbors)
 
 
 def _apart(candidates: Float32Array, spacing: float) -> Float32Array:
-    """Return the candidates that, taken in turn, lie farther than the spacing from those taken before."""
+    """Return the candidates that, in order, are farther than the spacing from those already accepted."""
     left, taken = candidates, []
     while len(left):
         taken.append(left[:1])

@@ -1,4 +1,4 @@
-"""State descriptors: what an episode's behavior descriptor is at each of its steps (QD-RL, Cideron et al. 2020)."""
+"""State descriptors: an episode's behavior descriptor up to each of its steps (QD-RL, Cideron et al. 2020)."""
 
 from __future__ import annotations
 
@@ -12,32 +12,32 @@ from pga_me_ros.tasks.spec import TaskSpec
 
 
 def require_step_descriptor(spec: TaskSpec) -> None:
-    """Make sure that a task has state descriptors.
+    """Check that a task has state descriptors.
 
     Raises:
-        TaskError: Its spec names no observation entries whose mean is the descriptor (`step_descriptor_names`).
+        TaskError: The task's spec has no `step_descriptor_names`, observation entries whose mean is the descriptor.
     """
     if not spec.step_descriptor_names:
         raise TaskError(
-            f"Task '{spec.name}' has no state descriptors, which algorithm 'qd_rl' rewards diversity by. If its "
-            "descriptor is the mean of observation entries over the steps, name them in its spec "
+            f"Task '{spec.name}' has no state descriptors; algorithm 'qd_rl' needs them for its diversity reward. If "
+            "its descriptor is the mean of observation entries over the steps, name them in its spec "
             "(TaskSpec.step_descriptor_names); otherwise choose another algorithm."
         )
 
 
 def state_descriptors(spec: TaskSpec, episode: Episode) -> Float32Array:
-    """Return the descriptor of the episode up to each step, that step included, in shares of its range.
+    """Return the descriptor of the episode up to and including each step, in shares of its range.
 
-    Of a locomotion task: each foot's share of the steps so far that ended with it on the floor. An observation may show
-    that one step late (`TaskSpec.step_descriptor_delay`), and of the last step not at all; but what it adds up to is
-    the descriptor of the whole episode, in any case.
+    For a locomotion task: each foot's share of the steps so far that ended with it on the floor. Observations may lag
+    one step behind (`TaskSpec.step_descriptor_delay`) and miss the last step; the last row is the descriptor of the
+    whole episode in any case.
 
     Args:
         spec: Task.
-        episode: T steps of it.
+        episode: Episode of T steps.
 
     Returns:
-        (T, d) float32 within [0, 1]; row t is what step t, counted from 0, led to.
+        (T, d) float32 within [0, 1]; row t is the descriptor after step t, counted from 0.
 
     Raises:
         TaskError: The task has no state descriptors.

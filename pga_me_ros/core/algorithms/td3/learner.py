@@ -1,4 +1,4 @@
-"""What TD3 learns with."""
+"""The learner of TD3."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from pga_me_ros.tasks.spec import TaskSpec
 
 
 class Td3Learner(CriticLearner):
-    """Trains for one step per step that the robot made in the newest generation (Alg. 2), whatever n_crit is.
+    """Takes one training step per environment step of the newest generation (Alg. 2); n_crit is not used.
 
-    Steps are counted over the whole run, as in TD3: which of them also update the actor does not depend on how they are
-    divided among trainings.
+    Steps are counted over the whole run, as in TD3, so which of them also update the actor does not depend on how they
+    are divided among trainings.
     """
 
     def __init__(self, spec: TaskSpec, settings: Settings, workers: int = 1) -> None:
@@ -22,11 +22,11 @@ class Td3Learner(CriticLearner):
         self._robot_steps = 0
 
     def add(self, generation: int, episodes: Iterable[Episode]) -> None:
-        """Add one generation's experience as `CriticLearner` does, and remember how long it was."""
+        """Add one generation's experience as `CriticLearner` does, and count its environment steps."""
         episodes = list(episodes)
         super().add(generation, episodes)
         self._robot_steps = sum(e.length for e in episodes)
 
     def _steps(self, rates: Settings) -> range:
-        """Return the numbers of the steps of a training, counted from the start of the run."""
+        """Return the numbers of this training's steps, counted from the start of the run."""
         return range(self.version + 1, self.version + self._robot_steps + 1)

@@ -8,10 +8,9 @@ from pga_me_ros.core.settings import Settings
 
 
 class Td3(Algorithm):
-    """One actor, which is the greedy controller: it acts with noise, and learns from all that it did.
+    """One actor, the greedy controller: it acts with exploration noise and learns from its own experience.
 
-    A generation is b episodes of the actor as it is then; afterwards it takes one training step for each of their
-    steps.
+    A generation is b episodes of the current actor; afterwards it takes one training step per environment step.
     """
 
     name = "td3"
