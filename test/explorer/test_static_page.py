@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -206,27 +207,42 @@ def test_a_link_opens_the_same_gait_again(
     assert "Cell 99999" in again.page.inner_text("#message")
 
 
-def test_it_works_by_keyboard_alone(page: Any) -> None:
+def test_it_works_by_keyboard_alone(page: Any, run: StoredRun) -> None:
     keys = page.page.keyboard
-    page.eval("document.activeElement.blur()")
+
+    def tab_to(is_there: str) -> None:
+        for _ in range(30):
+            if page.eval(is_there):
+                return
+            keys.press("Tab")
+        raise AssertionError(f"Tab has not led to: {is_there}")
+
     page.page.locator("#skip").focus()
-    for _ in range(12):
-        keys.press("Tab")
-        if page.eval("document.activeElement.tagName.toLowerCase()") == "svg":
-            break
-    before = page.figures()["cell"]
+    tab_to("document.activeElement.tagName.toLowerCase() === 'svg'")
     keys.press("ArrowRight")
-    after = page.figures()["cell"]
+    right = int(page.figures()["cell"])
     keys.press("ArrowLeft")
-    assert after != before
-    for _ in range(12):
-        keys.press("Tab")
-        if page.eval("document.activeElement.id") == "play":
+    left = int(page.figures()["cell"])
+    where = {cell: run.archive.centroids[cell][0] for cell in (left, right)}
+    assert where[left] < where[right]
+    recorded = chosen_cells(run, 3)
+    for _ in range(200):  # to a gait that the file has in motion
+        if int(page.figures()["cell"]) in recorded:
             break
-    assert (
-        page.eval("document.activeElement.id") == "play"
-        or page.eval("Explorer.view().cells.length") == 0
-    )
+        keys.press("ArrowRight" if where[left] < 0.5 else "ArrowLeft")
+    page.plays(int(page.figures()["cell"]))
+    tab_to("document.activeElement.id === 'play'")
+    keys.press("Space")
+    page.wait("Explorer.view().time > 0.1")
+    keys.press("Space")
+    assert page.eval("Explorer.view().playing") is False
+    tab_to("document.activeElement.id === 'copy-service'")
+    keys.press("Enter")
+    assert page.page.inner_text("#copied").startswith("ros2 service call")
+    tab_to("document.activeElement.closest('tr[data-row]') !== null")
+    row = page.eval("document.activeElement.closest('tr').dataset.row")
+    keys.press("Enter")
+    assert page.figures()["cell"] == row
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
@@ -313,3 +329,19 @@ def test_four_dimensions_are_maps_within_maps_or_any_two_axes(
     shown.page.select_option("#layout", "dots:1,3")
     assert shown.eval("document.querySelectorAll('circle.cell.elite').length") == len(archive)
     assert shown.problems == []
+
+
+def test_a_task_that_is_unknown_here_has_a_map_and_a_reason(
+    new_run: Callable[..., Path],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    folder = new_run(task="lane_task:Lane")
+    monkeypatch.delitem(sys.modules, "lane_task")
+    monkeypatch.setattr(sys, "path", [p for p in sys.path if not p.endswith("test/core")])
+    assert main([str(folder), "--html", str(tmp_path / "lane.html")]) == 0
+    assert (
+        "has no 3-D view: task 'lane_task:Lane': module 'lane_task' does not load"
+        in capsys.readouterr().err
+    )
