@@ -50,7 +50,7 @@ const Curves = (() => {
   function contributions(run) {
     if (run.served) {
       const made = run.contributions.map((c) => [run.operators[c.operator] || c.operator, Numbers.text(c.elites)]);
-      return table(`What made the gaits that are in the archive${of(run)}`, ["operator", "gaits"], made);
+      return table(`What made the gaits in the archive${of(run, "of")}`, ["operator", "gaits"], made);
     }
     const rows = run.contributions.map((c) => [
       run.operators[c.operator] || c.operator,
@@ -60,7 +60,7 @@ const Curves = (() => {
     return table(`What each operator contributed${of(run)} in ${run.curves.generation.length} stored generations`, ["operator", "offspring", "new cells", "improved", "entered"], rows);
   }
 
-  const of = (run) => (Store.state.runs.length > 1 ? ` to ${run.caption}` : "");
+  const of = (run, word = "to") => (Store.state.runs.length > 1 ? ` ${word} ${run.caption}` : "");
 
   const CORRECTED = [
     ["elites", "elites evaluated again"], ["repeats", "evaluations of each, at least"], ["coverage", "corrected coverage"], ["qd_score", "corrected QD-score"],
@@ -70,9 +70,9 @@ const Curves = (() => {
 
   function corrected(run) {
     if (!run.corrected && run.served) return Page.make("p", { class: "hint" }, "The curves begin when this explorer was started.");
-    if (!run.corrected) return Page.make("p", { class: "hint" }, `Not all gaits${of(run)} were evaluated again: ros2 run pga_me_ros reevaluate ${Commands.word(run.run.name)}`);
+    if (!run.corrected) return Page.make("p", { class: "hint" }, `Not all gaits${of(run, "of")} were evaluated again: ros2 run pga_me_ros reevaluate ${Commands.word(run.run.name)}`);
     const rows = CORRECTED.map(([key, title]) => [title, key === "fall_share" ? Numbers.percent(run.corrected[key]) : Numbers.text(run.corrected[key])]);
-    return table(`What the gaits are worth on average${of(run)}`, ["measure", "value"], rows);
+    return table(`What the gaits${of(run, "of")} are worth on average`, ["measure", "value"], rows);
   }
 
   function draw() {
