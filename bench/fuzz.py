@@ -1,6 +1,7 @@
 """The long proof that nobody can harm a run with what they send to it: a fuzzer in the ROS domain of a run.
 
 Bad values for every parameter of every node come first: each must be refused in one line that names the parameter.
+During the run, a subscriber looks at every topic that it publishes.
 
 Run: `make fuzz`, or `.venv/bin/python bench/fuzz.py [--cases 10000] [--seed 0]`; the last line is JSON, the exit code 0
 only if every request got an answer, every malformed or foreign one a refusal with its reason, no node died, and the
@@ -83,6 +84,8 @@ def fuzz_a_run(folder: Path, cases: int, seed: int) -> dict[str, Any]:
         "cases": sum(fuzzer.sent.values()),
         "targets": len(fuzzer.sent),
         "refusals": sum(fuzzer.refusals.values()),
+        "topics_looked_at": len(fuzzer.heard),
+        "messages_heard": sum(fuzzer.heard.values()),
         "seconds": round(took, 1),
         "generations_meanwhile": seen - began[1],
         "slowest_answers_s": {

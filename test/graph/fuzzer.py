@@ -7,6 +7,7 @@ import threading
 import time
 from collections import Counter, defaultdict
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 from fuzz_cases import Case, any_cases, parameter_cases, run_cases, status_cases
@@ -18,6 +19,7 @@ from pga_me_msgs.msg import Metrics, NodeStatus, Progress
 from rcl_interfaces.srv import ListParameters
 from rclpy.client import Client
 from rclpy.publisher import Publisher
+from rclpy.qos import QoSProfile
 
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.ros import names, qos
@@ -52,6 +54,7 @@ class Fuzzer:
         refusals: Number of refusals by target.
         wrong: Descriptions of everything that went wrong.
         slowest: Longest time of an answer by service [s].
+        heard: Number of messages by topic, those of the fuzzer included; somebody who looks must do no harm, either.
     """
 
     def __init__(self, probe: Probe, run_settings: Settings) -> None:
@@ -62,6 +65,7 @@ class Fuzzer:
         self._publishers: dict[str, Publisher] = {}
         self._types: dict[str, Any] = {}
         self._under_way: dict[str, list[tuple[float, Case, Any]]] = defaultdict(list)
+        self.heard: Counter[str] = Counter()
         self.world = self._explore(run_settings)
         self.sent: Counter[str] = Counter()
         self.refusals: Counter[str] = Counter()
@@ -159,7 +163,9 @@ class Fuzzer:
 
         wait_until(at_work, "a working run")
         self._take_services(dict(node.get_service_names_and_types()))
-        self._take_topics(dict(node.get_topic_names_and_types()))
+        topics = dict(node.get_topic_names_and_types())
+        self._listen_to_all(topics)
+        self._take_topics(topics)
         wait_until(
             lambda: all(c.service_is_ready() for c in self._clients.values()), "all services"
         )
@@ -181,6 +187,25 @@ class Fuzzer:
                 self._clients[name] = self._probe.node.create_client(
                     self._types[name], name, qos_profile=qos.CLIENT
                 )
+
+    def _listen_to_all(self, topics: dict[str, list[str]]) -> None:
+        """Subscribe to every topic that the run publishes, pictures included, and wait for a message on each."""
+        published = []
+        for name, (kind, *_) in sorted(topics.items()):
+            offers = self._probe.node.get_publishers_info_by_topic(name)
+            if not offers or name in MIDDLEWARE:
+                continue
+            published.append(name)
+            profile = QoSProfile(depth=10, durability=offers[0].qos_profile.durability)
+            self._probe.node.create_subscription(
+                _load(kind), name, partial(self._hear, name), profile, raw=True
+            )
+        wait_until(
+            lambda: all(self.heard[name] for name in published), f"messages on all of {published}"
+        )
+
+    def _hear(self, topic: str, _: bytes) -> None:
+        self.heard[topic] += 1
 
     def _take_topics(self, found: dict[str, list[str]]) -> None:
         profiles = {

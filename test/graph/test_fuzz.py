@@ -16,6 +16,22 @@ from pga_me_ros.ros import names, qos
 
 CASES = 300
 
+PUBLISHED = {
+    f"/{name}".replace("//", "/")
+    for name in (
+        names.TRANSITIONS,
+        names.SNAPSHOT,
+        names.ELITES,
+        names.METRICS,
+        names.HEATMAP,
+        names.GRID,
+        names.PROGRESS,
+        names.STATUS,
+        names.DIAGNOSTICS,
+    )
+}
+"""Topics of a run of two descriptors, which somebody looks at meanwhile."""
+
 
 def test_a_run_refuses_whatever_is_sent_and_its_result_is_unaffected(
     graph: Graph, probe: Probe, tmp_path: Path
@@ -24,7 +40,8 @@ def test_a_run_refuses_whatever_is_sent_and_its_result_is_unaffected(
     run = graph.run(run_dir, evaluations=100_000)
     progress = probe.listen(Progress, names.PROGRESS, qos.LATCHED)
     fuzzer = Fuzzer(probe, run_settings())
-    before = children(run_dir)
+    assert set(fuzzer.heard) >= PUBLISHED
+    before, looked = children(run_dir), fuzzer.heard.copy()
     fuzzer.fuzz(CASES)
     assert fuzzer.wrong == []
     assert sum(fuzzer.sent.values()) >= CASES
@@ -32,6 +49,7 @@ def test_a_run_refuses_whatever_is_sent_and_its_result_is_unaffected(
     after = fuzzer.generation
     wait_until(lambda: fuzzer.generation > after, "another generation")
     assert children(run_dir) == before, run.output
+    assert {topic for topic in PUBLISHED if fuzzer.heard[topic] <= looked[topic]} == set()
     assert progress[-1].restarts == 0
     probe.call(Trigger, "orchestrator/stop")
     assert run.wait() == 0, run.output
