@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import threading
 import time
 from collections import deque
@@ -17,7 +18,7 @@ from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.qos import QoSProfile
 from rclpy.signals import SignalHandlerOptions
 
-from pga_me_ros.client import RepertoireClient
+from pga_me_ros.client import RepertoireClient, RepertoireInfo
 from pga_me_ros.core.operators import OPERATORS, Operator
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.errors import PgaError, RequestError
@@ -67,7 +68,7 @@ class GraphSource:
         self._spinning = threading.Thread(target=self._spin, daemon=True)
         self._spinning.start()
         try:
-            info = self._client.get_info()
+            info = self._first_generation()
             self.settings = Settings.from_stored(info.settings)
             self._spec, self._known_task = spec_of(info, self.settings)
             self.content: dict[str, Any] = {}
@@ -123,6 +124,16 @@ class GraphSource:
         self._spinning.join(5.0)
         self._node.destroy_node()
 
+    def _first_generation(self) -> RepertoireInfo:
+        """Return what the repertoire is, once it holds a behavior or no run adds to it."""
+        info = self._client.get_info()
+        if info.growing and not info.coverage:
+            print("waiting for the first generation of the run", file=sys.stderr)
+        while info.growing and not info.coverage:
+            time.sleep(0.5)
+            info = self._client.get_info()
+        return info
+
     def _read(self) -> None:
         """Fetch all behaviors, and describe them.
 
@@ -133,7 +144,7 @@ class GraphSource:
         behaviors = list(self._client.list_behaviors(page=10_000)) if info.coverage else []
         if not behaviors:
             raise RequestError(
-                "The repertoire is still empty; start again after its first generation."
+                "The repertoire that is served holds no behavior; serve another, or run its run for longer."
             )
         archive, known = served_archive(self._spec, self.settings, behaviors)
         with self._lock:

@@ -36,7 +36,6 @@ def test_a_run_is_watched_and_steered(
         batch_size=20,
         serve=True,
     )
-    run.wait_for_output("coverage")
     explorer = graph.launch([sys.executable, "-m", "pga_me_ros.explorer", "--port", "0"])
     explorer.wait_for_output("http://")
     address = re.findall(r"http://\S+", explorer.output)[0]
