@@ -42,6 +42,18 @@ DAMAGES = (
     "ice 0.5",
     "ice 0.25",
 )
+TUNING = (
+    "weak thigh_joint 0.4",
+    "weak leg_joint 0.7",
+    "jam foot_joint -0.2",
+    "load 1",
+    "slope 3",
+    "slope -3",
+    "ice 0.35",
+)
+"""Other damages, on which `--tune` compares length scales; none of them counts as evidence."""
+
+LENGTH_SCALES = (0.4, 0.2, 0.16, 0.1, 0.05, 0.02)
 POSES = 5
 REPEATS = 20
 BUDGET = 15
@@ -135,10 +147,11 @@ def save(file: Path, rows: np.ndarray) -> None:
     np.savez(file, fitness=rows)
 
 
-def adapted(bench: Bench, table: np.ndarray, repeat: int) -> tuple[int, int]:
+def adapted(bench: Bench, table: np.ndarray, repeat: int, length_scale: float) -> tuple[int, int]:
     """Return the row of what an adaptation ended with, and the number of its trials."""
     rng = np.random.default_rng([2, repeat])
-    adaptation = Adaptation(bench.promises, AdaptationSettings(budget=BUDGET))
+    settings = AdaptationSettings(budget=BUDGET, length_scale=length_scale)
+    adaptation = Adaptation(bench.promises, settings)
     while trial := adaptation.next():
         row = bench.cells.index(trial.cell)
         adaptation.report(float(table[row, rng.integers(POSES)]))
@@ -154,7 +167,28 @@ def searched(bench: Bench, table: np.ndarray, repeat: int, trials: int) -> int:
     return random_search(rows, trials, lambda row: float(table[row, rng.integers(POSES)]), rng)
 
 
-def report(bench: Bench) -> None:
+def tune(bench: Bench) -> None:
+    """Print what each length scale recovers of the hindsight best on damages that are no evidence."""
+    print(
+        "| length scale | "
+        + " | ".join(f"`{damage}`" for damage in TUNING)
+        + " | median | trials |"
+    )
+    print("|---|" + "---|" * (len(TUNING) + 2))
+    for length_scale in LENGTH_SCALES:
+        shares, counts = [], []
+        for damage in TUNING:
+            means = bench.table(damage).mean(axis=1)
+            done = [adapted(bench, bench.table(damage), k, length_scale) for k in range(REPEATS)]
+            shares.append(np.median([means[row] for row, _ in done]) / means.max())
+            counts.append(np.median([count for _, count in done]))
+        cells = " | ".join(f"{100 * share:.0f} %" for share in shares)
+        print(
+            f"| {length_scale} | {cells} | {100 * np.median(shares):.0f} % | {np.median(counts):g} |"
+        )
+
+
+def report(bench: Bench, length_scale: float) -> None:
     """Print the tables; every number in them comes from the files."""
     sound = bench.table("").mean(axis=1)
     first = int(np.argmax(bench.promises.fitness))
@@ -168,7 +202,7 @@ def report(bench: Bench) -> None:
     for damage in DAMAGES:
         table = bench.table(damage)
         means = table.mean(axis=1)
-        done = [adapted(bench, table, k) for k in range(REPEATS)]
+        done = [adapted(bench, table, k, length_scale) for k in range(REPEATS)]
         ours = np.array([means[row] for row, _ in done])
         trials = np.array([count for _, count in done])
         equal = np.array([means[searched(bench, table, k, n)] for k, (_, n) in enumerate(done)])
@@ -201,19 +235,26 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, default=Path("build/adapt"))
     parser.add_argument("--seconds", type=float, default=500.0)
+    parser.add_argument(
+        "--tune", action="store_true", help="compare length scales on other damages"
+    )
+    parser.add_argument("--length-scale", type=float, default=AdaptationSettings().length_scale)
     args = parser.parse_args()
     run = StoredRun.load(REPERTOIRE)
     bench = Bench(run, args.out, time.monotonic() + args.seconds)
     try:
-        for damage in ("", *DAMAGES):
+        for damage in TUNING if args.tune else ("", *DAMAGES):
             bench.table(damage)
-            if damage:
+            if damage and not args.tune:
                 bench.climbs(damage)
             print(f"there: {damage or 'sound'}", flush=True)
     except TimeUpError:
         print("time is up; the same command goes on")
         return
-    report(bench)
+    if args.tune:
+        tune(bench)
+    else:
+        report(bench, args.length_scale)
 
 
 if __name__ == "__main__":

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from dataclasses import fields
 
+from pga_me_ros.core.adaptation.adaptation import AdaptationSettings
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.core.settings.rules import RULES
 from pga_me_ros.core.settings.run import ALGORITHM_NAMES
+from pga_me_ros.nodes.adapter import AdapterSettings
 from pga_me_ros.nodes.archive_manager import ArchiveManagerSettings
 from pga_me_ros.nodes.evaluator import EvaluatorSettings
 from pga_me_ros.player.settings import PlayerSettings
@@ -62,6 +64,9 @@ has no use for is refused.
 ## archive_manager
 
 {archive}
+## adapter
+
+{adapter}
 ## behavior_player
 
 {player}
@@ -101,6 +106,7 @@ def page() -> str:
         run=parameter_table(RunOptions),
         evaluator=parameter_table(EvaluatorSettings),
         archive=parameter_table(ArchiveManagerSettings),
+        adapter=parameter_table(AdapterSettings, AdaptationSettings),
         player=parameter_table(PlayerSettings),
         recorder=parameter_table(RecorderSettings),
         child=parameter_table(ChildOptions),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pga_me_ros.client.adapter import AdaptationResult, Adapter
 from pga_me_ros.client.answers import BehaviorNotFoundError
 from pga_me_ros.client.behaviors import Behavior, FoundBehavior, ListedBehavior, RepertoireInfo
 from pga_me_ros.client.controller import Controller
@@ -9,6 +10,8 @@ from pga_me_ros.client.patient_caller import BlockedExecutorError, RepertoireTim
 from pga_me_ros.client.repertoire_client import RepertoireClient
 
 __all__ = [
+    "AdaptationResult",
+    "Adapter",
     "Behavior",
     "BehaviorNotFoundError",
     "BlockedExecutorError",

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from pga_me_msgs.msg import Behavior as BehaviorMsg
+from pga_me_msgs.msg import Controller as ControllerMsg
 from pga_me_msgs.srv import GetBehavior, GetBehaviors, GetInfo
 
 from pga_me_ros.arrays import Float64Array
@@ -112,11 +113,19 @@ class Behavior(FoundBehavior):
         Raises:
             NetworkError: Its controller is malformed, see `Controller.from_msg`.
         """
-        return cls(
-            **_fields(response.behavior),
-            distance=response.distance,
-            controller=Controller.from_msg(response.controller),
-        )
+        return cls.of(response.behavior, response.controller, response.distance)
+
+    @classmethod
+    def of(
+        cls, behavior: BehaviorMsg, controller: ControllerMsg, distance: float = 0.0
+    ) -> Behavior:
+        """Return the behavior of a message and that of its controller.
+
+        Raises:
+            NetworkError: The controller is malformed, see `Controller.from_msg`.
+        """
+        own = Controller.from_msg(controller)
+        return cls(**_fields(behavior), distance=distance, controller=own)
 
     @classmethod
     def all_from_response(cls, response: GetBehaviors.Response) -> tuple[Behavior, ...]:

@@ -47,6 +47,7 @@ class PendingCall:
         request: The request.
         read: Turns the response into the result, or raises.
         timeout: Seconds until the call fails.
+        servers: Which nodes offer the service, in words.
     """
 
     def __init__(
@@ -56,7 +57,9 @@ class PendingCall:
         request: Any,
         read: Callable[[Any], Any],
         timeout: float,
+        servers: str,
     ) -> None:
+        self._servers = servers
         self.future = Future(executor=node.executor)
         self._name = node.resolve_service_name(client.srv_name)
         self.ended = threading.Event()
@@ -112,8 +115,8 @@ class PendingCall:
         name = self._name
         if self._answer is None:
             return (
-                f"Service {name} was not there within {self._timeout:g} s; start the orchestrator or an "
-                f"archive_manager, and check ROS_DOMAIN_ID, namespace and remappings.{other_users_note()}"
+                f"Service {name} was not there within {self._timeout:g} s; start {self._servers}, "
+                f"and check ROS_DOMAIN_ID, namespace and remappings.{other_users_note()}"
             )
         return (
             f"Service {name} gave no answer within {self._timeout:g} s; its node may be busy or have "
@@ -128,10 +131,11 @@ class PatientCaller:
 
     Args:
         node: The node.
+        servers: Which nodes offer the services that are called, in words.
     """
 
-    def __init__(self, node: Node) -> None:
-        self._node = node
+    def __init__(self, node: Node, servers: str = "the orchestrator or an archive_manager") -> None:
+        self._node, self._servers = node, servers
         # Lets a MultiThreadedExecutor take an answer while a callback of the node waits for it.
         self.group = ReentrantCallbackGroup()
         self._lock = threading.Lock()
@@ -145,7 +149,7 @@ class PatientCaller:
         self, client: Client, request: Any, read: Callable[[Any], Result], timeout: float
     ) -> PendingCall:
         """Start a call; its future ends while the node is spun."""
-        call = PendingCall(self._node, client, request, read, timeout)
+        call = PendingCall(self._node, client, request, read, timeout, self._servers)
         if not call.advance():
             with self._lock:
                 self._pending.append(call)

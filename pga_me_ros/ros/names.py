@@ -10,6 +10,12 @@ METRICS = "repertoire/metrics"
 HEATMAP = "repertoire/heatmap"
 GRID = "repertoire/grid"
 
+START_ADAPTATION = "adapt/start"
+NEXT_TRIAL = "adapt/next"
+REPORT_TRIAL = "adapt/report"
+ADAPTATION_STATUS = "adapt/status"
+ADAPTATION = "adapt/estimate"
+
 TRANSITIONS = "experience/transitions"
 SNAPSHOT = "critic/snapshot"
 ELITES = "archive/elites"

@@ -17,6 +17,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 NOT_COPIED = (".git", ".venv", "build", "install", "log", "runs", "__pycache__", "*.egg-info")
 NODES = [
+    "adapter",
     "archive_manager",
     "behavior_player",
     "critic_trainer",

@@ -22,6 +22,7 @@ from rclpy.executors import ExternalShutdownException
 
 from pga_me_ros.core.runs.run_directory import default_run_dir, open_run
 from pga_me_ros.nodes import (
+    adapter,
     archive_manager,
     behavior_player,
     critic_trainer,
@@ -58,6 +59,7 @@ CHILD = {"run_id": "x"}
 NODES: dict[str, tuple[Program, Callable[[], Any], dict[str, Any]]] = {
     "orchestrator": (orchestrator.PROGRAM, _orchestrator, {"cvt_samples": 1024}),
     "behavior_player": (behavior_player.PROGRAM, behavior_player.BehaviorPlayer, {}),
+    "adapter": (adapter.PROGRAM, adapter.Adapter, {}),
     "archive_manager": (archive_manager.PROGRAM, archive_manager.ArchiveManager, {}),
     "record": (record.PROGRAM, record.Recorder, {}),
     "evaluator": (evaluator.PROGRAM, evaluator.Evaluator, {}),

@@ -1,0 +1,1 @@
+"""The parts of the adapter: its memory, what it asks the repertoire, and its messages."""

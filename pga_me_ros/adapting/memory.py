@@ -1,0 +1,164 @@
+"""Trials on disk: an adapter that is restarted knows what its robot has tried."""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from pga_me_ros.core.adaptation.adaptation import Trial
+from pga_me_ros.errors import StorageError
+
+_SCHEMA = """
+CREATE TABLE IF NOT EXISTS adaptation (
+    id INTEGER PRIMARY KEY, run_id TEXT NOT NULL, task TEXT NOT NULL, budget INTEGER NOT NULL,
+    min_fitness REAL NOT NULL, max_fall_share REAL NOT NULL);
+CREATE TABLE IF NOT EXISTS trial (
+    adaptation INTEGER NOT NULL REFERENCES adaptation, number INTEGER NOT NULL, cell INTEGER NOT NULL,
+    evaluation INTEGER NOT NULL, descriptor TEXT NOT NULL, promised REAL NOT NULL, expected REAL NOT NULL,
+    uncertainty REAL NOT NULL, achieved REAL, given_up INTEGER NOT NULL, PRIMARY KEY (adaptation, number));
+"""
+
+_BUSY = 2.0
+"""Seconds to wait for another process that writes the file."""
+
+
+@dataclass(frozen=True)
+class Undertaking:
+    """An adaptation that was started.
+
+    Attributes:
+        run_id: Run that grew the repertoire.
+        task: Name of its task.
+        budget: Most trials.
+        min_fitness: Least fitness that a behavior must promise, -1e308 for none.
+        max_fall_share: Greatest share of falls, negative for none.
+        id: Its row in the file.
+    """
+
+    run_id: str
+    task: str
+    budget: int
+    min_fitness: float
+    max_fall_share: float
+    id: int = 0
+
+
+class Memory:
+    """A SQLite file with all adaptations of a robot and their trials; each change is on disk when a call returns.
+
+    Args:
+        path: The file; it is made if it is not there.
+
+    Raises:
+        StorageError: It cannot be opened or is no such file.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        try:
+            self._file = sqlite3.connect(path, timeout=_BUSY)
+            self._file.executescript(_SCHEMA)
+        except sqlite3.Error as error:
+            raise self._failure("opened", error) from error
+
+    def last(self) -> tuple[Undertaking, list[Trial]] | None:
+        """Return the adaptation that was started last, with its trials; None if there was none.
+
+        Raises:
+            StorageError: The file cannot be read.
+        """
+        try:
+            row = self._file.execute(
+                "SELECT run_id, task, budget, min_fitness, max_fall_share, id FROM adaptation ORDER BY id DESC LIMIT 1"
+            ).fetchone()
+            if row is None:
+                return None
+            rows = self._file.execute(
+                "SELECT number, cell, evaluation, descriptor, promised, expected, uncertainty, achieved, given_up "
+                "FROM trial WHERE adaptation = ? ORDER BY number",
+                (row[-1],),
+            ).fetchall()
+            return Undertaking(*row), [_trial(values) for values in rows]
+        except (sqlite3.Error, ValueError, TypeError) as error:
+            raise self._failure("read", error) from error
+
+    def start(self, undertaking: Undertaking) -> Undertaking:
+        """Store a new adaptation; returns it with its row.
+
+        Raises:
+            StorageError: The file cannot be written.
+        """
+        u = undertaking
+        values = (u.run_id, u.task, u.budget, u.min_fitness, u.max_fall_share)
+        row = self._write(
+            "INSERT INTO adaptation (run_id, task, budget, min_fitness, max_fall_share) VALUES (?, ?, ?, ?, ?)",
+            values,
+        )
+        return Undertaking(*values, row)
+
+    def change_budget(self, undertaking: Undertaking, budget: int) -> None:
+        """Store another budget of an adaptation.
+
+        Raises:
+            StorageError: The file cannot be written.
+        """
+        self._write("UPDATE adaptation SET budget = ? WHERE id = ?", (budget, undertaking.id))
+
+    def store(self, undertaking: Undertaking, trial: Trial) -> None:
+        """Store a trial, or what became of it.
+
+        Raises:
+            StorageError: The file cannot be written.
+        """
+        self._write(
+            "INSERT OR REPLACE INTO trial VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
+            (
+                undertaking.id,
+                trial.number,
+                trial.cell,
+                trial.evaluation,
+                json.dumps(trial.descriptor.tolist()),
+                trial.promised,
+                trial.expected,
+                trial.uncertainty,
+                trial.achieved,
+                int(trial.given_up),
+            ),
+        )
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+    def _write(self, statement: str, values: tuple[object, ...]) -> int:
+        try:
+            with self._file:
+                return self._file.execute(statement, values).lastrowid or 0
+        except sqlite3.Error as error:
+            raise self._failure("written", error) from error
+
+    def _failure(self, what: str, error: Exception) -> StorageError:
+        return StorageError(
+            f"The memory '{self._path}' cannot be {what} ({error}); name another file by -p memory:=FILE."
+        )
+
+
+def _trial(values: tuple[object, ...]) -> Trial:
+    number, cell, evaluation, descriptor, promised, expected, uncertainty, achieved, given_up = (
+        values
+    )
+    return Trial(
+        int(str(number)),
+        int(str(cell)),
+        int(str(evaluation)),
+        np.array(json.loads(str(descriptor)), np.float64),
+        float(str(promised)),
+        float(str(expected)),
+        float(str(uncertainty)),
+        None if achieved is None else float(str(achieved)),
+        bool(given_up),
+    )

@@ -1,0 +1,236 @@
+"""Adapter: chooses which behavior of a repertoire a damaged robot tries next, and remembers what came of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import rclpy
+from pga_me_msgs.msg import AdaptationEstimate
+from pga_me_msgs.msg import Metrics as MetricsMsg
+from pga_me_msgs.srv import GetAdaptation, GetBehavior, NextTrial, ReportTrial, StartAdaptation
+
+from pga_me_ros.adapting.memory import Memory, Undertaking
+from pga_me_ros.adapting.messages import estimate_to_msg, trial_to_msg
+from pga_me_ros.adapting.repertoire_link import RepertoireLink
+from pga_me_ros.core.adaptation.adaptation import Adaptation, AdaptationSettings, Trial
+from pga_me_ros.core.settings import Settings
+from pga_me_ros.core.settings.field import setting
+from pga_me_ros.errors import RequestError
+from pga_me_ros.ros import names, qos
+from pga_me_ros.ros.command_line import Program
+from pga_me_ros.ros.graph_node import GraphNode
+from pga_me_ros.ros.namesakes import leave_to_elders
+from pga_me_ros.ros.options import RunOptions
+from pga_me_ros.ros.parameters import declare
+from pga_me_ros.ros.process import run_node
+
+OTHER_NAME = "Stop that node, or give this one a namespace (--ros-args -r __ns:=/NAME) or another ROS_DOMAIN_ID."
+"""What the user can do if another adapter has the name."""
+
+
+@dataclass(frozen=True)
+class AdapterSettings:
+    """Parameters of the adapter besides those of `AdaptationSettings`."""
+
+    memory: str = setting(
+        "adaptations.db",
+        "SQLite file with all trials of the robot, from which an adaptation is continued after a restart.",
+        path=True,
+    )
+
+
+class Adapter(GraphNode):
+    """One robot that adapts. The repertoire is asked through a second node, which nobody spins in the meantime."""
+
+    def __init__(self) -> None:
+        super().__init__("adapter")
+        values = declare(self, AdapterSettings, AdaptationSettings, shared=(Settings, RunOptions))
+        self._settings = AdaptationSettings(
+            **{name: value for name, value in values.items() if name != "memory"}
+        )
+        self._memory = Memory(Path(values["memory"]))
+        self._asking = rclpy.create_node(
+            f"{self.get_name()}_asks", namespace=self.get_namespace(), context=self.context
+        )
+        self._repertoire = RepertoireLink(self._asking)
+        self._adaptation: Adaptation | None = None
+        self._undertaking: Undertaking | None = None
+        self._changed = False
+        self._topic = self.create_publisher(AdaptationEstimate, names.ADAPTATION, qos.LATCHED)
+        self.create_subscription(MetricsMsg, names.METRICS, self._hear, qos.LATCHED)
+        many = qos.ASKED_BY_MANY
+        self.serve(StartAdaptation, names.START_ADAPTATION, self._start, "ok", many)
+        self.serve(NextTrial, names.NEXT_TRIAL, self._next, "ok", many)
+        self.serve(ReportTrial, names.REPORT_TRIAL, self._report, "ok", many)
+        self.serve(GetAdaptation, names.ADAPTATION_STATUS, self._status_of, "ok", many)
+        leave_to_elders(self, lambda msg: msg.kind == "adapter", OTHER_NAME)
+        self.start_heartbeat()
+
+    def _hear(self, metrics: MetricsMsg) -> None:
+        """Note that the repertoire has changed since it was listed."""
+        self._changed = True
+
+    def _start(self, request: StartAdaptation.Request, response: StartAdaptation.Response) -> None:
+        budget = self._settings.budget if request.budget == -1 else request.budget
+        if budget < 1:
+            raise RequestError(f"budget is {budget}; give at least 1 trial, or -1 for the default.")
+        before = self._memory.last()
+        info = self._repertoire.info()
+        if before and not request.anew:
+            undertaking, trials = before
+            adaptation = self._of(replace(undertaking, budget=budget), trials)
+            under_way = (trials and trials[-1].open) or not adaptation.over
+            if undertaking.run_id == info.run_id and under_way:
+                self._memory.change_budget(undertaking, budget)
+                self._take(replace(undertaking, budget=budget), adaptation)
+                response.message = f"Continues after {len(trials)} trials."
+                self._answer_start(response, adaptation)
+                return
+        wanted = Undertaking(
+            info.run_id, info.task, budget, request.min_fitness, request.max_fall_share
+        )
+        adaptation = self._of(wanted, [])
+        self._take(self._memory.start(wanted), adaptation)
+        self._answer_start(response, adaptation)
+
+    def _answer_start(self, response: StartAdaptation.Response, adaptation: Adaptation) -> None:
+        response.run_id = self._undertaking.run_id if self._undertaking else ""
+        response.candidates = len(adaptation.promises.cells)
+        response.trials = len(adaptation.trials)
+        self._publish()
+
+    def _next(self, request: NextTrial.Request, response: NextTrial.Response) -> None:
+        adaptation, undertaking = self._under_way()
+        known = len(adaptation.trials)
+        trial = adaptation.next()
+        if trial and len(adaptation.trials) > known:
+            self._memory.store(undertaking, trial)
+        answer = self._behavior_of(trial, with_controller=request.with_controller)
+        while trial and answer is None:  # a fitter one took its cell before it could be tried
+            self._memory.store(undertaking, adaptation.give_up())
+            self._refresh(adaptation, undertaking)
+            trial = adaptation.next()
+            if trial:
+                self._memory.store(undertaking, trial)
+            answer = self._behavior_of(trial, with_controller=request.with_controller)
+        if trial is None:
+            response.over, response.adapted = True, adaptation.adapted
+            response.message = (
+                "The best trial achieved what is to be expected."
+                if adaptation.adapted
+                else "The budget is spent, or nothing is left to try."
+            )
+            trial = adaptation.best
+            answer = self._behavior_of(trial, with_controller=request.with_controller)
+        if trial:
+            response.trial = trial_to_msg(trial)
+        if answer:
+            response.behavior, response.controller = answer.behavior, answer.controller
+        self._publish()
+
+    def _behavior_of(
+        self, trial: Trial | None, *, with_controller: bool
+    ) -> GetBehavior.Response | None:
+        """Return the answer with the behavior of a trial, None if the repertoire has it no longer."""
+        if trial is None:
+            return None
+        answer = self._repertoire.behavior(trial.cell, with_controller=with_controller)
+        fits = answer.found and answer.behavior.evaluation == trial.evaluation
+        return answer if fits else None
+
+    def _report(self, request: ReportTrial.Request, response: ReportTrial.Response) -> None:
+        adaptation, undertaking = self._under_way()
+        if request.give_up:
+            trial = adaptation.give_up(request.trial)
+        else:
+            trial = adaptation.report(request.fitness, request.trial)
+        self._memory.store(undertaking, trial)
+        response.over = adaptation.over
+        self.count_done()
+        self._publish()
+
+    def _status_of(self, _: GetAdaptation.Request, response: GetAdaptation.Response) -> None:
+        if self._adaptation is None and self._memory.last():
+            self._under_way()
+        response.estimate = self._estimate()
+
+    def _under_way(self) -> tuple[Adaptation, Undertaking]:
+        """Return the present adaptation, with the repertoire as it is now; after a restart, that of the memory.
+
+        Raises:
+            RequestError: None was started, or it is of another repertoire.
+            RepertoireTimeoutError: Nobody serves the repertoire.
+        """
+        if self._adaptation is None or self._undertaking is None:
+            before = self._memory.last()
+            if before is None:
+                raise RequestError(f"No adaptation was started; call {names.START_ADAPTATION}.")
+            undertaking, trials = before
+            info = self._repertoire.info()
+            if info.run_id != undertaking.run_id:
+                raise RequestError(
+                    f"The last adaptation was of the repertoire of run {undertaking.run_id}, but run {info.run_id} is "
+                    f"served; serve that one, or call {names.START_ADAPTATION}."
+                )
+            self._take(undertaking, self._of(undertaking, trials))
+        assert self._adaptation is not None
+        assert self._undertaking is not None
+        if self._changed:
+            self._refresh(self._adaptation, self._undertaking)
+        return self._adaptation, self._undertaking
+
+    def _of(self, undertaking: Undertaking, trials: list[Trial]) -> Adaptation:
+        """Return an adaptation to the repertoire as it is now."""
+        self._changed = False
+        promises = self._repertoire.promises(undertaking)
+        settings = replace(self._settings, budget=undertaking.budget)
+        return Adaptation(promises, settings, trials)
+
+    def _refresh(self, adaptation: Adaptation, undertaking: Undertaking) -> None:
+        """List the repertoire again."""
+        self._changed = False
+        info = self._repertoire.info()
+        if info.run_id != undertaking.run_id:
+            raise RequestError(
+                f"Run {info.run_id} is served now, but the adaptation is of run {undertaking.run_id}; call "
+                f"{names.START_ADAPTATION}."
+            )
+        adaptation.promises = self._repertoire.promises(undertaking)
+
+    def _take(self, undertaking: Undertaking, adaptation: Adaptation) -> None:
+        self._undertaking, self._adaptation = undertaking, adaptation
+
+    def _estimate(self) -> AdaptationEstimate:
+        if self._adaptation is None or self._undertaking is None:
+            msg = AdaptationEstimate(state="none")
+        else:
+            msg = estimate_to_msg(self._adaptation)
+            msg.run_id, msg.task = self._undertaking.run_id, self._undertaking.task
+        msg.stamp = self.get_clock().now().to_msg()
+        return msg
+
+    def _publish(self) -> None:
+        self._topic.publish(self._estimate())
+
+    def destroy_node(self) -> None:
+        """Close the memory, then destroy both nodes."""
+        self._memory.close()
+        self._asking.destroy_node()
+        super().destroy_node()
+
+
+PROGRAM = Program(
+    "adapter",
+    "Chooses which behavior of a repertoire a damaged robot tries next: /adapt/start, next, report and status.",
+    (AdapterSettings, AdaptationSettings),
+)
+
+
+def main() -> int:
+    """Run the adapter."""
+    return run_node(PROGRAM, Adapter)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
