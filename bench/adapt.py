@@ -87,6 +87,8 @@ class Bench:
         rows = np.full((count, width), np.nan)
         if file.exists():
             with np.load(file) as stored:
+                if stored["fitness"].shape != rows.shape:
+                    raise SystemExit(f"{file} is of another repertoire; give another --out")
                 rows[:] = stored["fitness"]
         return rows
 
