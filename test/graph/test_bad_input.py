@@ -5,13 +5,14 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from collections.abc import Mapping
-from dataclasses import fields
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
 import pytest
-from graph import NOT_ALONE, TINY, Graph, ros_arguments, tiny
+from domain_coordinator import domain_id
+from graph import NOT_ALONE, TINY, Graph, Started, ros_arguments, tiny
 from processes import children
 from reference import run_digest, search_digest
 
@@ -198,16 +199,37 @@ def test_a_task_that_fails_during_the_run_ends_the_run_with_its_reason(
     assert "cannot be done: internal fault: RuntimeError: lost a leg" in words
 
 
+@dataclass
+class Serving:
+    """A finished run that serves its repertoire, and the domain that it is in."""
+
+    run_dir: Path
+    run: Started
+    graph: Graph
+
+
+@pytest.fixture(scope="module")
+def serving(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Serving]:
+    folder = tmp_path_factory.mktemp("serving")
+    with domain_id() as domain:
+        graph = Graph(domain, folder)
+        try:
+            run = graph.run(folder / "run", **ONE_GENERATION, serve=True)
+            run.wait_for_output("serving it")
+            yield Serving(folder / "run", run, graph)
+        finally:
+            graph.kill()
+
+
 def test_a_second_orchestrator_is_refused_by_name_or_by_directory_and_the_first_is_unaffected(
-    graph: Graph, tmp_path: Path
+    serving: Serving, tmp_path: Path
 ) -> None:
-    first = graph.run(tmp_path / "run", **ONE_GENERATION, serve=True)
-    first.wait_for_output("serving it")
+    first, graph = serving.run, serving.graph
     same_name = refused_run(graph, tmp_path / "other", **NOT_ALONE)
     assert f"runs as /orchestrator (process {first.process.pid} on" in same_name
     assert not (tmp_path / "other").exists()
     elsewhere = ("-r", "__ns:=/elsewhere")
-    arguments = ros_arguments({**TINY, "run_dir": tmp_path / "run"})
+    arguments = ros_arguments({**TINY, "run_dir": serving.run_dir})
     same_folder = refusal(graph, "orchestrator", *arguments, *elsewhere)
     assert f"being written by another process (pid {first.process.pid} on" in same_folder
     assert first.process.poll() is None
@@ -232,11 +254,11 @@ def test_a_foreign_archive_manager_keeps_a_run_from_starting(graph: Graph, tmp_p
     assert foreign.process.poll() is None
 
 
-def test_a_run_keeps_a_second_archive_manager_from_serving(graph: Graph, tmp_path: Path) -> None:
-    run = graph.run(tmp_path / "run", **ONE_GENERATION, serve=True)
-    run.wait_for_output("serving it")
+def test_a_run_keeps_a_second_archive_manager_from_serving(
+    serving: Serving, tmp_path: Path
+) -> None:
     repertoire = make_run(tmp_path / "old")
-    words = refusal(graph, "archive_manager", *ros_arguments({"repertoire": repertoire}))
-    holder = children(tmp_path / "run")["archive_manager"]
+    words = refusal(serving.graph, "archive_manager", *ros_arguments({"repertoire": repertoire}))
+    holder = children(serving.run_dir)["archive_manager"]
     assert f"The name /archive_manager is taken in this ROS domain by process {holder} on" in words
-    assert run.process.poll() is None
+    assert serving.run.process.poll() is None

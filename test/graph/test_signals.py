@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import signal
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from domain_coordinator import domain_id
 from graph import Graph, Probe, Started, wait_until
 from pga_me_msgs.msg import Progress, Transitions
 from pga_me_msgs.srv import Evaluate
@@ -114,23 +116,52 @@ def test_a_signal_in_the_middle_of_an_episode_ends_an_evaluator_quietly(
     assert [line for line in evaluator.output.splitlines() if usual not in line] == []
 
 
-def test_a_paused_run_does_nothing_until_it_is_resumed(
-    graph: Graph, probe: Probe, tmp_path: Path
-) -> None:
-    heard = probe.listen(Progress, names.PROGRESS, qos.LATCHED)
-    run = under_way(graph, tmp_path / "run", **LONG)
-    assert probe.call(Trigger, "orchestrator/pause").success
-    wait_until(lambda: heard[-1].state == "paused", "the pause")
-    at = heard[-1].generation
+@dataclass
+class LongRun:
+    """A run that goes on after each test."""
+
+    run_dir: Path
+    run: Started
+    probe: Probe
+    heard: list[Progress]
+
+    def pause(self) -> int:
+        """Pause it; return its newest generation."""
+        assert self.probe.call(Trigger, "orchestrator/pause").success
+        wait_until(lambda: self.heard[-1].state == "paused", "the pause")
+        return int(self.heard[-1].generation)
+
+    def resume(self) -> None:
+        """Resume it, and wait for a generation that began afterwards."""
+        at = self.heard[-1].generation
+        assert self.probe.call(Trigger, "orchestrator/resume").success
+        wait_until(lambda: self.heard[-1].generation > at, "the next generation")
+
+
+@pytest.fixture(scope="module")
+def long_run(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LongRun]:
+    folder = tmp_path_factory.mktemp("long")
+    with domain_id() as domain, pytest.MonkeyPatch.context() as patch:
+        patch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+        graph, probe = Graph(domain, folder), Probe(domain)
+        try:
+            heard = probe.listen(Progress, names.PROGRESS, qos.LATCHED)
+            run = under_way(graph, folder / "run", **LONG)
+            yield LongRun(folder / "run", run, probe, heard)
+            end(run)
+        finally:
+            probe.close()
+            graph.kill()
+
+
+def test_a_paused_run_does_nothing_until_it_is_resumed(long_run: LongRun) -> None:
+    heard = long_run.heard
+    at = long_run.pause()
     count = len(heard)
     wait_until(lambda: len(heard) > count + 2, "heartbeats of a paused run")
     assert heard[-1].generation == at
-    assert probe.call(Trigger, "orchestrator/resume").success
-    wait_until(lambda: heard[-1].generation > at, "the next generation")
-    assert not probe.call(Trigger, "orchestrator/resume").success
-    assert probe.call(Trigger, "orchestrator/stop").success
-    assert run.wait() == 0, run.output
-    assert "the same command resumes" in run.output
+    long_run.resume()
+    assert not long_run.probe.call(Trigger, "orchestrator/resume").success
 
 
 def set_parameters(probe: Probe, **values: Any) -> Sequence[Any]:
@@ -140,19 +171,15 @@ def set_parameters(probe: Probe, **values: Any) -> Sequence[Any]:
     return list(response.results)
 
 
-def test_a_rate_takes_effect_at_the_next_generation_and_is_recorded(
-    graph: Graph, probe: Probe, tmp_path: Path
-) -> None:
-    heard = probe.listen(Progress, names.PROGRESS, qos.LATCHED)
-    run = under_way(graph, tmp_path / "run", **LONG)
-    probe.call(Trigger, "orchestrator/pause")
-    wait_until(lambda: heard[-1].state == "paused", "the pause")
-    at = heard[-1].generation
-    assert all(result.successful for result in set_parameters(probe, n_evo=7, iso_sigma=0.5))
-    probe.call(Trigger, "orchestrator/resume")
-    wait_until(lambda: heard[-1].generation > at, "the next generation")
-    end(run)
-    with Repertoire.open(tmp_path / "run" / "repertoire.db", read_only=True) as repertoire:
+def test_a_rate_takes_effect_at_the_next_generation_and_is_recorded(long_run: LongRun) -> None:
+    at = long_run.pause()
+    changed = set_parameters(long_run.probe, n_evo=7, iso_sigma=0.5)
+    long_run.resume()
+    long_run.pause()
+    restored = set_parameters(long_run.probe, n_evo=5, iso_sigma=0.005)
+    long_run.resume()
+    assert all(result.successful for result in (*changed, *restored))
+    with Repertoire.open(long_run.run_dir / "repertoire.db", read_only=True) as repertoire:
         rates, metrics = repertoire.rates(), repertoire.metrics()
     assert [(r["n_evo"], r["iso_sigma"]) for r in rates[at : at + 2]] == [(5, 0.005), (7, 0.5)]
     made = [dict(zip(Operator, m.offspring, strict=True)) for m in metrics[at : at + 2]]
@@ -183,8 +210,8 @@ def test_parameters_of_a_resumed_run_show_the_rates_in_force(
     assert (n_evo.integer_value, iso_sigma.double_value) == (7, 0.5)
 
 
-def test_bad_changes_are_refused_with_a_reason(graph: Graph, probe: Probe, tmp_path: Path) -> None:
-    run = under_way(graph, tmp_path / "run", **LONG)
+def test_bad_changes_are_refused_with_a_reason(long_run: LongRun) -> None:
+    probe = long_run.probe
     refused = {
         "too large": set_parameters(probe, discount=1.5)[0],
         "more than the batch": set_parameters(probe, n_evo=11)[0],
@@ -192,7 +219,6 @@ def test_bad_changes_are_refused_with_a_reason(graph: Graph, probe: Probe, tmp_p
         "structural": set_parameters(probe, batch_size=20)[0],
         "unknown": set_parameters(probe, n_evolution=3)[0],
     }
-    end(run)
     assert not any(result.successful for result in refused.values())
     assert all(result.reason for result in refused.values())
     assert "batch_size=10" in refused["more than the batch"].reason
