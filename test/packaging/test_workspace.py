@@ -26,7 +26,17 @@ NODES = [
     "record",
     "variation",
 ]
-PROGRAMS = ["experiment", "export", "query", "reevaluate", "render", "replay", "report", "thin"]
+PROGRAMS = [
+    "experiment",
+    "explorer",
+    "export",
+    "query",
+    "reevaluate",
+    "render",
+    "replay",
+    "report",
+    "thin",
+]
 
 TINY_RUN = {
     "evaluations": "24",
