@@ -13,7 +13,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 from pga_me_ros.dependencies import report_missing_dependencies
-from pga_me_ros.process.early_signals import end_on_early_signals, is_own_program
+from pga_me_ros.process.early_signals import end_on_early_signals, own_program
 
 if TYPE_CHECKING:
     from pga_me_ros.core.adaptation.adaptation import Adaptation, AdaptationSettings
@@ -53,8 +53,8 @@ _MODULES = {
 }
 
 
-if is_own_program():
-    end_on_early_signals()
+if _program := own_program():
+    end_on_early_signals(_program)
     report_missing_dependencies()
 
 

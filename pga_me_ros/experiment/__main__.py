@@ -35,8 +35,8 @@ def main(args: Sequence[str] | None = None) -> int:
         args: Command line without the program's name, None for that of this process.
 
     Returns:
-        Exit status: 0 if every run is finished or a signal stopped it, 1 if some failed, 2 if it cannot start, 128 +
-        the number of a second signal that ended it.
+        Exit status: 0 if every run is finished, 1 if some failed, 2 if it cannot start, 128 + the signal's number if
+        one stopped it.
     """
     words = sys.argv[1:] if args is None else args
     options = _parser().parse_args(positionals_first(words, "--cell", _may_be_cell))
@@ -90,7 +90,7 @@ def _run(cells: Sequence[Cell], folder: Path, jobs: int, cores: int) -> int:
         terminal.say(f"failed: {failure}")
     if signals.received:
         terminal.say(f"stopped: {of} in {folder} are finished; the same command resumes")
-        return signals.exit_code or (EXIT_FAILURES if matrix.failures else 0)
+        return 128 + signals.received
     if matrix.failures:
         terminal.say(f"{of} in {folder} are finished; the same command retries the others")
         return EXIT_FAILURES

@@ -8,6 +8,7 @@ import secrets
 import socket
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 
 import uvicorn
 
@@ -75,7 +76,8 @@ def serve(sources: Sequence[Source], host: str, port: int, access: Access, title
     print(f"The page is for {reach} {steer}; Ctrl-C ends it.", file=sys.stderr)
     print(address, flush=True)
     try:
-        ending[0].run(sockets=[listening])
+        with suppress(KeyboardInterrupt):  # which uvicorn passes on when it has ended
+            ending[0].run(sockets=[listening])
     finally:
         listening.close()
 

@@ -23,7 +23,8 @@ def run_program(work: Callable[[], None], stopped: str = "stopped") -> int:
         stopped: What to print after Ctrl-C or SIGTERM.
 
     Returns:
-        Exit status: 0, also after Ctrl-C or SIGTERM; 2 if the work could not be done.
+        Exit status: 0; 2 if the work could not be done; 128 + the signal's number if Ctrl-C or SIGTERM stopped it, so
+        that a shell does not take it for done.
     """
     open_standard_streams()
     hand_over()
@@ -31,8 +32,9 @@ def run_program(work: Callable[[], None], stopped: str = "stopped") -> int:
         with _ended_by_sigterm():
             work()
         sys.stdout.flush()
-    except KeyboardInterrupt:
+    except KeyboardInterrupt as signalled:
         tell(stopped, sys.stderr)
+        return 128 + (signalled.args[0] if signalled.args else signal.SIGINT)
     except BrokenPipeError:  # the reader, such as `head`, has exited
         let_go(sys.stdout)
     except (PgaError, OSError, ModuleNotFoundError) as error:
@@ -50,7 +52,7 @@ def _ended_by_sigterm() -> Iterator[None]:
 
     def interrupt(number: int, _: FrameType | None) -> None:
         signal.signal(number, signal.SIG_DFL)
-        raise KeyboardInterrupt
+        raise KeyboardInterrupt(number)
 
     if threading.current_thread() is not threading.main_thread() or (
         signal.getsignal(signal.SIGTERM) != signal.SIG_DFL

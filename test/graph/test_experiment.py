@@ -54,7 +54,7 @@ def test_an_experiment_resumes_where_it_was_stopped_and_continues_after_a_failur
     assert second.wait() == 2
     assert "is being written by another process" in second.output
     stopped.signal(signal.SIGINT)
-    assert stopped.wait() == 0
+    assert stopped.wait() == 128 + signal.SIGINT
     assert (
         "stopped: 1 of 3 runs in experiments/tiny are finished; the same command" in stopped.output
     )

@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM at any time: an orderly end has the exit code 0, from the first import on."""
+"""Ctrl-C and SIGTERM at any time, from the first import on: the exit code is 0 for what runs until it is stopped."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from domain_coordinator import domain_id
 from rclpy._rclpy_pybind11 import RCLError
 
 from pga_me_ros.errors import SettingsError
+from pga_me_ros.process.early_signals import UNTIL_STOPPED
 from pga_me_ros.ros.command_line import Program
 from pga_me_ros.ros.process import run_node
 
@@ -77,7 +78,8 @@ def test_a_signal_during_the_imports_ends_any_program_quietly(
         threading.Event().wait(0.001)
     process.send_signal(number)
     output = process.communicate(timeout=SECONDS)
-    assert (process.returncode, *output) == (0, "", "")
+    status = 0 if module.startswith(UNTIL_STOPPED) else 128 + number
+    assert (process.returncode, *output) == (status, "", "")
 
 
 def test_signals_of_other_peoples_programs_stay_as_they_are() -> None:
@@ -88,13 +90,15 @@ def test_signals_of_other_peoples_programs_stay_as_they_are() -> None:
 
 
 @SIGNALS
-def test_a_program_tidies_up_and_ends_with_0(number: signal.Signals) -> None:
+def test_a_program_that_is_broken_off_tidies_up_and_does_not_pass_for_done(
+    number: signal.Signals,
+) -> None:
     process = started("-c", PROGRAM)
     assert process.stdout is not None
     assert process.stdout.readline() == "ready\n"
     process.send_signal(number)
     output, errors = process.communicate(timeout=SECONDS)
-    assert (process.returncode, output) == (0, "tidied up\n")
+    assert (process.returncode, output) == (128 + number, "tidied up\n")
     assert errors == "stopped; it continues from here\n"
 
 

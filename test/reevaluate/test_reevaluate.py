@@ -178,7 +178,7 @@ def test_ctrl_c_keeps_what_was_done(fresh: Path) -> None:
     with started(fresh) as process:
         os.killpg(process.pid, signal.SIGINT)
         output, errors = process.communicate()
-    assert (process.returncode, output) == (0, "")
+    assert (process.returncode, output) == (130, "")
     *progress, last = errors.splitlines()
     assert last == "stopped; the same command continues from here"
     assert progress
