@@ -1,4 +1,4 @@
-"""What another robot's node imports: ask a repertoire for behaviors and run them; needs rclpy and NumPy alone."""
+"""The client library for robot nodes: ask a repertoire for behaviors and run them. Needs only rclpy and NumPy."""
 
 from __future__ import annotations
 

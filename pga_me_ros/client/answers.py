@@ -1,4 +1,4 @@
-"""Answers of a repertoire as values, or as the error that they stand for."""
+"""Turns the responses of a repertoire into values, or raises the error that they report."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ class BehaviorNotFoundError(PgaError):
 
 
 def read_behavior(response: GetBehavior.Response, *, with_controller: bool) -> FoundBehavior:
-    """Return the behavior of an answer.
+    """Return the behavior in a response.
 
     Raises:
-        BehaviorNotFoundError: There is none.
+        BehaviorNotFoundError: The response has no behavior.
         NetworkError: Its controller is malformed.
     """
     if not response.found:
@@ -29,11 +29,11 @@ def read_behavior(response: GetBehavior.Response, *, with_controller: bool) -> F
 def read_behaviors(
     response: GetBehaviors.Response, *, with_controllers: bool
 ) -> tuple[FoundBehavior, ...]:
-    """Return the behaviors of an answer.
+    """Return the behaviors in a response.
 
     Raises:
         RequestError: The request was refused.
-        NetworkError: The answer is malformed.
+        NetworkError: The response is malformed.
     """
     if not response.ok:
         raise RequestError(response.message)
@@ -43,7 +43,7 @@ def read_behaviors(
 
 
 def read_list(response: ListBehaviors.Response) -> tuple[int, tuple[ListedBehavior, ...]]:
-    """Return the number of behaviors that fit, and the page of an answer.
+    """Return the number of behaviors that match, and the page in a response.
 
     Raises:
         RequestError: The request was refused.

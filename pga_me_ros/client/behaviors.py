@@ -1,4 +1,4 @@
-"""Behaviors as a robot's program sees them: values read from the repertoire's messages."""
+"""Behaviors as plain values, read from the repertoire's messages."""
 
 from __future__ import annotations
 
@@ -20,25 +20,25 @@ from pga_me_ros.errors import NetworkError
 
 @dataclass(frozen=True, eq=False)
 class ListedBehavior(KnownBehavior):
-    """What the repertoire knows of a behavior.
+    """A behavior as listed by the repertoire.
 
     Attributes:
-        cell: Its cell in the archive; ask for it by this number.
+        cell: Its cell in the archive; `get_behavior(cell=...)` takes this number.
         descriptor: (d,) float64 achieved descriptor, read-only.
-        fitness: Sum of rewards in its one evaluation.
+        fitness: Sum of rewards in its single evaluation.
         evaluation: Id of that evaluation within the run.
         generation: Generation that it was made in.
         made_by: Operator that made it (`pga_me_ros.core.operators`), for example ``pg``.
         parents: Evaluation ids of its parents, at most two.
         steps: Length of that evaluation, control steps.
-        terminated: Whether it ended by a fall.
-        repeats: Re-evaluations from other initial poses that the repertoire knows of, 0 for none.
+        terminated: Whether it ended in a fall.
+        repeats: Number of its re-evaluations from other initial poses, 0 for none.
         mean_fitness: Mean of their fitness, NaN for none.
         fitness_spread: Sample standard deviation of their fitness, NaN for fewer than two.
         mean_descriptor: (d,) float64 mean of their descriptors, read-only; empty for none.
         descriptor_spread: (d,) float64 sample standard deviation of each entry; empty for fewer than two.
         fall_share: Share of them that ended in a fall, NaN for none.
-        by_mean: Whether it was judged by these means when it was chosen, rather than by its one evaluation.
+        by_mean: Whether it was chosen by these means rather than by its single evaluation.
     """
 
     cell: int
@@ -60,32 +60,32 @@ class ListedBehavior(KnownBehavior):
 
     @classmethod
     def from_msg(cls, msg: BehaviorMsg) -> ListedBehavior:
-        """Return the behavior of a message."""
+        """Return the behavior in a message."""
         return cls(**_fields(msg))
 
 
 @dataclass(frozen=True, eq=False)
 class FoundBehavior(ListedBehavior):
-    """A behavior that was asked for, without its controller.
+    """A behavior found for a request, without its controller.
 
     Attributes:
-        distance: Euclidean distance from its promised descriptor to the wanted one, each dimension in shares of its
-            range; 0 where none was wanted.
+        distance: Euclidean distance from its promised descriptor to the requested one, each dimension in shares of its
+            range; 0 if no descriptor was requested.
     """
 
     distance: float
 
     @classmethod
     def found(cls, response: GetBehavior.Response) -> FoundBehavior:
-        """Return the behavior of an answer that found one."""
+        """Return the behavior in a response that found one."""
         return FoundBehavior(**_fields(response.behavior), distance=response.distance)
 
     @classmethod
     def all_found(cls, response: GetBehaviors.Response) -> tuple[FoundBehavior, ...]:
-        """Return the behaviors of an answer.
+        """Return the behaviors in a response.
 
         Raises:
-            NetworkError: There is not one distance per behavior.
+            NetworkError: The numbers of distances and behaviors differ.
         """
         if len(response.distances) != len(response.behaviors):
             raise NetworkError(
@@ -98,7 +98,7 @@ class FoundBehavior(ListedBehavior):
 
 @dataclass(frozen=True, eq=False)
 class Behavior(FoundBehavior):
-    """A behavior with all that it takes to run it.
+    """A behavior, ready to run.
 
     Attributes:
         controller: Its controller.
@@ -108,7 +108,7 @@ class Behavior(FoundBehavior):
 
     @classmethod
     def from_response(cls, response: GetBehavior.Response) -> Behavior:
-        """Return the behavior of an answer that found one.
+        """Return the behavior in a response that found one.
 
         Raises:
             NetworkError: Its controller is malformed, see `Controller.from_msg`.
@@ -129,7 +129,7 @@ class Behavior(FoundBehavior):
 
     @classmethod
     def all_from_response(cls, response: GetBehaviors.Response) -> tuple[Behavior, ...]:
-        """Return the behaviors of an answer with controllers.
+        """Return the behaviors in a response with controllers.
 
         Raises:
             NetworkError: A controller is malformed, see `Controller.from_msg`.
@@ -154,30 +154,30 @@ class Behavior(FoundBehavior):
 
 @dataclass(frozen=True, eq=False)
 class RepertoireInfo:
-    """What a repertoire is and how far it has come.
+    """Description of a repertoire and its progress.
 
     Attributes:
         run_id: Run that grew it.
         task: Name of the task.
         archive: ``cvt`` or ``grid``.
         descriptor_names: What each descriptor entry is.
-        descriptor_low: (d,) float64 least values.
-        descriptor_high: (d,) float64 greatest values.
+        descriptor_low: (d,) float64 lower bounds.
+        descriptor_high: (d,) float64 upper bounds.
         settings: Settings of the run by name.
         versions: Versions of the libraries that it was made with, by name.
         growing: Whether a run adds to it.
         generation: Last finished generation, -1 before the first.
-        evaluations: Evaluations so far.
-        cells: Cells of the archive.
-        coverage: Filled cells.
+        evaluations: Number of evaluations so far.
+        cells: Number of cells of the archive.
+        coverage: Number of filled cells.
         qd_score: Sum of the elites' fitness.
         max_fitness: Fitness of the best elite, NaN while there is none.
         mean_fitness: Mean fitness of the elites, NaN while there are none.
-        corrected_repeats: Re-evaluations of the elite that has the fewest; 0 unless all were re-evaluated.
-        corrected_coverage: Filled cells of the corrected archive (`Metrics.msg`), 0 while it is not known.
-        corrected_qd_score: Sum of the mean fitness of its elites, NaN while it is not known.
-        corrected_max_fitness: Greatest mean fitness, NaN while it is not known.
-        corrected_fall_share: Share of re-evaluations that ended in a fall, NaN while it is not known.
+        corrected_repeats: Least number of re-evaluations of an elite; 0 unless all were re-evaluated.
+        corrected_coverage: Filled cells of the corrected archive (`Metrics.msg`), 0 while unknown.
+        corrected_qd_score: Sum of the mean fitness of its elites, NaN while unknown.
+        corrected_max_fitness: Greatest mean fitness, NaN while unknown.
+        corrected_fall_share: Share of re-evaluations that ended in a fall, NaN while unknown.
     """
 
     run_id: str
@@ -204,7 +204,7 @@ class RepertoireInfo:
 
     @classmethod
     def from_response(cls, response: GetInfo.Response) -> RepertoireInfo:
-        """Return the description in an answer."""
+        """Return the description in a response."""
         metrics = response.metrics
         return cls(
             run_id=response.run_id,

@@ -15,24 +15,24 @@ from pga_me_ros.errors import NetworkError
 
 
 class Controller:
-    """A controller of the repertoire: observation in, action out, NumPy alone.
+    """A controller of the repertoire: maps an observation to an action, with NumPy alone.
 
-    It gives, bit for bit, the actions of the evaluation that the behavior's fitness comes from. One thread at a time
-    may call it.
+    Its actions equal, bit for bit, those in the evaluation that gave the behavior's fitness. Only one thread may call
+    it at a time.
 
     Attributes:
         task: Name of the task that it was learned in.
         layer_sizes: Neurons per layer, from the observation to the action.
-        parameters: (P,) float32, per layer the weights (out, in) row by row, then the biases; read-only.
+        parameters: (P,) float32: for each layer the weights (out, in) row by row, then the biases; read-only.
         observation_names: What each entry of the observation is.
         observation_units: Unit of each entry.
         observation_low: Least value of each entry; empty if unknown or unlimited.
-        observation_high: Greatest value of each entry, likewise.
-        joint_names: Joints whose position is the entry ``NAME/position``: -1 at the lower limit, +1 at the upper one.
+        observation_high: Greatest value of each entry; empty if unknown or unlimited.
+        joint_names: Joints with an entry ``NAME/position``, which is -1 at the lower limit and +1 at the upper one.
         joint_low: Lower limit of each of these joints, rad or m.
         joint_high: Upper limit of each of these joints, rad or m.
         descriptor_names: What each entry of the behavior's descriptor is.
-        action_names: What each entry of the action drives.
+        action_names: What each entry of the action controls.
         action_units: Unit of each entry.
         action_low: Least value of each action entry.
         action_high: Greatest value of each action entry.
@@ -64,11 +64,10 @@ class Controller:
 
     @classmethod
     def from_msg(cls, msg: ControllerMsg) -> Controller:
-        """Make the controller that a message describes.
+        """Make a controller from a message.
 
         Raises:
-            NetworkError: Its layers, activations, parameters or names do not fit each other, or a parameter is not
-                finite.
+            NetworkError: Layers, activations, parameters or names do not match, or a parameter is not finite.
         """
         return cls(msg)
 
@@ -82,7 +81,7 @@ class Controller:
             (action_dim,) float32 within ±1, a fresh array.
 
         Raises:
-            NetworkError: The observation has another shape, or is not finite: no actuator must ever be told NaN.
+            NetworkError: The observation has the wrong shape or is not finite: NaN must never reach an actuator.
         """
         values = np.asarray(observation, np.float32)
         if values.shape != self._inputs or not np.isfinite(values).all():
@@ -110,10 +109,10 @@ def read_only(numbers: Any) -> Float64Array:
 
 
 def _checked_shape(msg: ControllerMsg) -> MlpShape:
-    """Return the layers of a controller's message.
+    """Return the layers of the controller in a message.
 
     Raises:
-        NetworkError: Its fields do not fit each other. The number and values of its parameters are not looked at.
+        NetworkError: The fields do not match. Number and values of the parameters are not checked here.
     """
     shape = MlpShape(tuple(msg.layer_sizes))
     expected = ["relu"] * (len(shape.sizes) - 2) + ["tanh"]

@@ -1,4 +1,4 @@
-"""An archive manager of one's own: serves a repertoire to the client that started it, and ends with its process."""
+"""A private archive manager: serves a repertoire to the client that started it, and ends with the client's process."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from pga_me_ros.process.child import ChildProcess, python_module
 _count = itertools.count(1)
 
 LEAVE_TIME = 2.0
-"""Seconds that it gets to end when it is told to."""
+"""Seconds to wait for its end after SIGTERM, before it is killed."""
 
 
 class OwnServer:
-    """An archive manager in a namespace that nobody else has.
+    """An archive manager in a unique namespace.
 
     Args:
-        node: Node that asks it.
-        repertoire: What it serves: ``zoo/NAME``, the folder of a run, or a repertoire file.
+        node: Node of the client.
+        repertoire: Repertoire to serve: ``zoo/NAME``, the folder of a run, or a repertoire file.
 
     Attributes:
         prefix: Its namespace.
@@ -53,17 +53,17 @@ class OwnServer:
         )
 
     def require_alive(self) -> None:
-        """Make sure that it still serves.
+        """Check that the server is still running.
 
         Raises:
-            PgaError: It has ended; the message says why.
+            PgaError: The server has ended; the message says why.
         """
         if not self._process.alive:
             words = self._process.last_words() or "it printed nothing"
             raise PgaError(f"The client's own archive manager has ended: {words}")
 
     def close(self) -> None:
-        """End it."""
+        """End the server."""
         self._process.send(signal.SIGTERM)
         if not self._process.wait(LEAVE_TIME):
             self._process.kill_session()

@@ -1,4 +1,4 @@
-"""Service calls for other nodes' programs: they wait for the service, end by a deadline, and never deadlock."""
+"""Service calls that wait for the service, end by a deadline, and never deadlock."""
 
 from __future__ import annotations
 
@@ -22,24 +22,24 @@ from pga_me_ros.errors import PgaError
 from pga_me_ros.ros.dds_choices import other_users_note
 
 TICK = 0.05
-"""Seconds between two looks at whether the service is there and the deadline has passed."""
+"""Seconds between two checks of the service and the deadline."""
 
 SPIN_GRACE = 0.5
-"""Seconds past the deadline that the node's executor gets to notice it, before its absence is taken for the cause."""
+"""Seconds past the deadline that the node's executor gets to report it, before we assume that it is not spinning."""
 
 Result = TypeVar("Result")
 
 
 class RepertoireTimeoutError(PgaError):
-    """The service was not there, or gave no answer, before the deadline."""
+    """The service was not available, or did not respond, before the deadline."""
 
 
 class BlockedExecutorError(PgaError):
-    """A blocking call was made in a callback, where waiting would keep its own answer from arriving."""
+    """A blocking call was made in a callback, where waiting would block its own response."""
 
 
 class PendingCall:
-    """One call under way.
+    """A pending service call.
 
     Args:
         node: Node that calls.
@@ -73,7 +73,7 @@ class PendingCall:
         self._lock = threading.Lock()
 
     def advance(self) -> bool:
-        """Send the request once the service is there; fail when the deadline has passed.
+        """Send the request once the service is available; fail after the deadline.
 
         Returns:
             Whether the call has ended.
@@ -89,7 +89,7 @@ class PendingCall:
         return self.ended.is_set()
 
     def fail(self, reason: str) -> None:
-        """End the call without an answer, unless it has ended."""
+        """End the call with an error, unless it has already ended."""
         self._end(lambda: self.future.set_exception(RepertoireTimeoutError(reason)))
 
     def _answered(self, answer: Future) -> None:
@@ -109,25 +109,25 @@ class PendingCall:
             self._client.remove_pending_request(self._answer)
         if not self.future.cancelled():
             settle()
-        self.ended.set()  # last: whoever waits for it reads the future at once
+        self.ended.set()  # last: waiting threads read the future at once
 
     def _reason(self) -> str:
         name = self._name
         if self._answer is None:
             return (
-                f"Service {name} was not there within {self._timeout:g} s; start {self._servers}, "
+                f"Service {name} was not available within {self._timeout:g} s; start {self._servers}, "
                 f"and check ROS_DOMAIN_ID, namespace and remappings.{other_users_note()}"
             )
         return (
-            f"Service {name} gave no answer within {self._timeout:g} s; its node may be busy or have "
-            f"died just now. Ask again, or give a longer timeout.{other_users_note()}"
+            f"Service {name} did not respond within {self._timeout:g} s; its node may be busy or have "
+            f"just died. Try again, or give a longer timeout.{other_users_note()}"
         )
 
 
 class PatientCaller:
-    """Makes calls for one node.
+    """Makes service calls for one node.
 
-    It never spins a node that is spun elsewhere; a node that nobody spins it spins by itself while a call blocks.
+    It never spins a node that an executor already spins; otherwise it spins the node itself while a call blocks.
 
     Args:
         node: The node.
@@ -136,26 +136,26 @@ class PatientCaller:
 
     def __init__(self, node: Node, servers: str = "the orchestrator or an archive_manager") -> None:
         self._node, self._servers = node, servers
-        # Lets a MultiThreadedExecutor take an answer while a callback of the node waits for it.
+        # Lets a MultiThreadedExecutor handle the response while another callback of the node waits for it.
         self.group = ReentrantCallbackGroup()
         self._lock = threading.Lock()
         self._spinning = threading.Lock()
         self._pending: list[PendingCall] = []
-        # Wall clocks jump, and simulated ones stand still.
+        # Wall clocks may jump, and simulated clocks may stand still.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._timer = node.create_timer(TICK, self._tick, self.group, steady, autostart=False)
 
     def start(
         self, client: Client, request: Any, read: Callable[[Any], Result], timeout: float
     ) -> PendingCall:
-        """Start a call; its future ends while the node is spun."""
+        """Start a call; its future completes while the node is spun."""
         call = PendingCall(self._node, client, request, read, timeout, self._servers)
         if not call.advance():
             with self._lock:
                 self._pending.append(call)
             self._timer.reset()
             executor = self._executor()
-            if executor is not None:  # it may wait for something else without looking at the timer
+            if executor is not None:  # it may be waiting without the restarted timer
                 executor.wake()
         return call
 
@@ -163,21 +163,21 @@ class PatientCaller:
         """Wait for the end of a call and return its result.
 
         Raises:
-            BlockedExecutorError: This is a callback of the executor that would have to take the answer.
+            BlockedExecutorError: Called in a callback of the executor that would have to handle the response.
             RepertoireTimeoutError: The deadline has passed.
         """
         executor = self._executor()
         if executor is not None and _runs_here(executor):
             call.future.cancel()
             raise BlockedExecutorError(
-                "A blocking call inside a callback would wait for ever for its own executor. Use the form that "
+                "A blocking call inside a callback would wait forever for its own executor. Use the method that "
                 "ends in _async, with await or add_done_callback, or call from another thread."
             )
         while not call.ended.wait(0.0 if self._spin_for(call) else TICK):
             if time.monotonic() > call.deadline + SPIN_GRACE:
                 call.fail(
-                    f"The executor of node '{self._node.get_name()}' took no answer before the deadline; spin it in "
-                    "a thread of its own, or keep its callbacks short."
+                    f"The executor of node '{self._node.get_name()}' handled no response before the deadline; spin it "
+                    "in its own thread, or keep its callbacks short."
                 )
         return call.future.result()
 
@@ -186,12 +186,12 @@ class PatientCaller:
         self._node.destroy_timer(self._timer)
 
     def _executor(self) -> Executor | None:
-        """Return the executor that the node belongs to now; rclpy.spin_once leaves an old one behind."""
+        """Return the executor that the node belongs to now; after rclpy.spin_once, node.executor is stale."""
         executor = self._node.executor
         return executor if executor is not None and self._node in executor.get_nodes() else None
 
     def _spin_for(self, call: PendingCall) -> bool:
-        """Spin the node until a call has ended if nobody else does.
+        """Spin the node until a call has ended, unless it is spun elsewhere.
 
         Returns:
             Whether it was spun.
@@ -212,18 +212,18 @@ class PatientCaller:
     def _tick(self) -> None:
         with self._lock:
             calls, self._pending = self._pending, []
-        # Without the lock: the end of a call may run a done callback that starts the next one.
+        # Without the lock: the end of a call may run a done callback that starts another call.
         left = [call for call in calls if not call.advance()]
         with self._lock:
             self._pending += left
             if self._pending:
-                self._timer.reset()  # another thread's tick may have found nothing left to do
+                self._timer.reset()  # another thread's tick may have canceled it
             else:
                 self._timer.cancel()
 
 
 def _runs_here(executor: Executor) -> bool:
-    """Return whether the present thread is in a callback of an executor."""
+    """Return whether the current thread is in a callback of an executor."""
     frame: FrameType | None = sys._getframe()
     while frame is not None:
         if frame.f_code.co_filename == executors.__file__ and (

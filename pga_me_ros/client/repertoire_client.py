@@ -1,4 +1,4 @@
-"""What another robot node imports: ask a repertoire for behaviors, and run them. Needs rclpy and NumPy alone.
+"""The client for robot nodes: ask a repertoire for behaviors, and run them. Needs only rclpy and NumPy.
 
 ::
 
@@ -50,19 +50,19 @@ PAGE = 500
 class RepertoireClient:
     """Asks a repertoire for behaviors.
 
-    The plain methods block and raise. They work in a main program whose node nobody spins (they spin it meanwhile, its
-    other callbacks included), and in any thread while another one spins the node. Inside a callback use the methods
-    that end in ``_async``: they return a future at once, to await or to add a callback to.
+    The plain methods block and raise. They work in a program that does not spin its node (they spin it themselves, and
+    so run its other callbacks), and in any thread while another thread spins the node. Inside a callback use the
+    methods that end in ``_async``: they return a future at once, to await or to add a callback to.
 
     Args:
-        node: Node to ask through.
+        node: Node that makes the calls.
         prefix: Namespace of the repertoire, such as ``/left``; empty for the node's own.
         timeout: Seconds after which a call fails, waiting for the service included.
-        repertoire: A repertoire to serve by an archive manager of one's own, until `close` or the end of this process:
-            ``zoo/NAME``, the folder of a run, or a repertoire file. Empty asks who serves one already.
+        repertoire: Repertoire to serve by a private archive manager, until `close` or the end of this process:
+            ``zoo/NAME``, the folder of a run, or a repertoire file. Empty to use a repertoire that is already served.
 
     Raises:
-        RequestError: The timeout makes no sense, or both a prefix and a repertoire are given.
+        RequestError: The timeout is invalid, or both a prefix and a repertoire are given.
         StorageError: There is no such repertoire.
     """
 
@@ -77,7 +77,7 @@ class RepertoireClient:
         check_timeout(timeout)
         if repertoire and prefix:
             raise RequestError(
-                f"prefix is '{prefix}', but a repertoire of one's own has a namespace of its own; give one of them."
+                f"prefix is '{prefix}', but the repertoire that the client serves has its own namespace; give only one."
             )
         self._server = OwnServer(node, repertoire) if repertoire else None
         prefix = self._server.prefix if self._server else prefix
@@ -96,12 +96,12 @@ class RepertoireClient:
             wanted: As in `get_behavior_async`.
 
         Raises:
-            BehaviorNotFoundError: None fits.
-            RepertoireTimeoutError: No answer before the deadline.
-            BlockedExecutorError: Called in a callback of the node's executor. rclpy's events executor does not show
-                that it is the one: there such a call ends at its deadline.
-            RequestError: The arguments make no sense.
-            NetworkError: The answer's controller is malformed.
+            BehaviorNotFoundError: No behavior matches.
+            RepertoireTimeoutError: No response before the deadline.
+            BlockedExecutorError: Called in a callback of the node's executor. With rclpy's events executor this cannot
+                be detected; the call then ends at its deadline.
+            RequestError: The arguments are invalid.
+            NetworkError: The response's controller is malformed.
         """
         return self._caller.result(self._ask_behavior(**wanted))
 
@@ -121,28 +121,28 @@ class RepertoireClient:
     ) -> Future:
         """Ask for a behavior, chosen in one of four ways.
 
-        Behaviors are judged by the means of their re-evaluations where they have any, else by their single evaluation;
-        `Behavior.by_mean` says which of the two it was.
+        Behaviors with re-evaluations are judged by their means, the others by their single evaluation;
+        `Behavior.by_mean` tells which was used.
 
         Args:
             descriptor: d numbers; the behavior with the nearest descriptor.
-            cell: Number of a cell; its behavior.
+            cell: Number of a cell; the behavior in it.
             best: The fittest behavior.
-            random: Any behavior, each with the same probability.
+            random: A behavior drawn uniformly.
             max_distance: Greatest Euclidean distance to the wanted descriptor, each dimension in shares of its range
                 (high - low); None for any.
             min_fitness: Least fitness, None for any.
-            max_fall_share: Greatest share of its re-evaluations that ended in a fall, 0 to 1; None for any. Those
-                without re-evaluations do not meet it.
-            by_mean: Whether those without re-evaluations are left out.
-            single: Whether all are judged by their single evaluation.
-            timeout: Seconds after which the call fails, None for the client's own.
+            max_fall_share: Greatest share of its re-evaluations that ended in a fall, 0 to 1; None for any. Behaviors
+                without re-evaluations never meet this limit.
+            by_mean: Whether to leave out behaviors without re-evaluations.
+            single: Whether to judge all behaviors by their single evaluation.
+            timeout: Seconds after which the call fails, None for the client's default.
 
         Returns:
             Future of a `Behavior`; its result() raises what `get_behavior` raises.
 
         Raises:
-            RequestError: The arguments make no sense.
+            RequestError: The arguments are invalid.
         """
         call = self._ask_behavior(
             descriptor=descriptor,
@@ -159,7 +159,7 @@ class RepertoireClient:
         return call.future
 
     def find_behavior(self, **wanted: Any) -> FoundBehavior:
-        """Return a behavior without its controller: a small answer, as for a table.
+        """Return a behavior without its controller: a small response, for example for a table.
 
         Args:
             wanted: As in `get_behavior_async`.
@@ -201,18 +201,18 @@ class RepertoireClient:
             limits: max_distance, min_fitness, max_fall_share, by_mean, single and timeout as in `get_behavior_async`.
 
         Raises:
-            RequestError: The arguments make no sense, to this side or the repertoire's.
+            RequestError: The arguments are invalid, or the repertoire refuses them.
             RepertoireTimeoutError: As in `get_behavior`.
             BlockedExecutorError: As in `get_behavior`.
-            NetworkError: A controller in the answer is malformed.
+            NetworkError: A controller in the response is malformed.
 
         Returns:
-            As many as fit, perhaps none.
+            At most `count` behaviors that match, possibly none.
         """
         return self._caller.result(self._ask_behaviors(descriptor, count, **limits))
 
     def get_behaviors_async(self, descriptor: Sequence[float], count: int, **limits: Any) -> Future:
-        """Ask for the nearest behaviors; returns a future of what `get_behaviors` returns."""
+        """Ask for the nearest behaviors; returns a future of the result of `get_behaviors`."""
         return self._ask_behaviors(descriptor, count, **limits).future
 
     def list_behaviors(
@@ -220,16 +220,16 @@ class RepertoireClient:
     ) -> Iterator[ListedBehavior]:
         """Yield all behaviors without their controllers, fittest first.
 
-        Asks for one page at a time, as far as it is read. When a run adds behaviors meanwhile, each cell is still
-        yielded once at most.
+        Requests one page at a time, on demand. Each cell is yielded at most once, even if a run adds behaviors
+        meanwhile.
 
         Args:
-            page: Behaviors per answer, 1 to 10,000.
-            timeout: Seconds after which an answer is missed, None for the client's own.
+            page: Behaviors per response, 1 to 10,000.
+            timeout: Seconds after which the call for a page fails, None for the client's default.
             limits: min_fitness, max_fall_share, by_mean and single as in `get_behavior_async`.
 
         Raises:
-            RequestError: The service did not accept the arguments.
+            RequestError: The arguments are invalid, or the repertoire refuses them.
             RepertoireTimeoutError: As in `get_behavior`.
             BlockedExecutorError: As in `get_behavior`.
         """
@@ -252,18 +252,18 @@ class RepertoireClient:
         """Ask for one page of behaviors, fittest first.
 
         Args:
-            offset: Behaviors to pass over.
+            offset: Number of behaviors to skip.
             limit: Most behaviors to return, 1 to 10,000.
-            timeout: Seconds after which the call fails, None for the client's own.
+            timeout: Seconds after which the call fails, None for the client's default.
             limits: As in `list_behaviors`.
 
         Returns:
-            Future of the number of behaviors that fit, and the page as a tuple of `ListedBehavior`.
+            Future of the number of behaviors that match, and the page as a tuple of `ListedBehavior`.
         """
         return self._ask_list(offset, limit, timeout, limits).future
 
     def get_info(self, *, timeout: float | None = None) -> RepertoireInfo:
-        """Return what the repertoire is and how far it has come.
+        """Return the description of the repertoire and its progress.
 
         Raises:
             RepertoireTimeoutError: As in `get_behavior`.
@@ -272,11 +272,11 @@ class RepertoireClient:
         return self._caller.result(self._ask_info(timeout))
 
     def get_info_async(self, *, timeout: float | None = None) -> Future:
-        """Ask what the repertoire is; returns a future of a `RepertoireInfo`."""
+        """Ask for the description of the repertoire; returns a future of a `RepertoireInfo`."""
         return self._ask_info(timeout).future
 
     def close(self) -> None:
-        """Destroy the clients, and end one's own archive manager; only while the node is not spun."""
+        """Destroy the service clients and end the private archive manager; call it only while the node is not spun."""
         self._caller.close()
         if self._server:
             self._server.close()

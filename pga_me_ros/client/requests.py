@@ -1,4 +1,4 @@
-"""Requests to a repertoire from plain arguments, checked before they are sent."""
+"""Builds requests to a repertoire from plain arguments, which are checked before they are sent."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pga_me_ros.arguments import number, numbers, whole_number
 from pga_me_ros.errors import RequestError
 
 LEAST_FITNESS = -9.9e307
-"""Least value of min_fitness that is sent; the field's default, -1e308, stands for no limit."""
+"""Least value of min_fitness that is sent; the field's default, -1e308, means no limit."""
 
 
 def behavior_request(
@@ -28,14 +28,14 @@ def behavior_request(
     """Return the request for a behavior; arguments as in `RepertoireClient.get_behavior_async`.
 
     Raises:
-        RequestError: There is not exactly one way to choose, or a number is none.
+        RequestError: Not exactly one way to choose is given, or an argument is not a number.
     """
     ways = {"descriptor": descriptor is not None, "cell": cell is not None}
     ways |= {"best": best, "random": random}
     chosen = [name for name, given in ways.items() if given]
     if len(chosen) != 1:
         raise RequestError(
-            f"Say in exactly one way which behavior is wanted: descriptor, cell, best or random; "
+            f"Give exactly one of descriptor, cell, best and random to choose a behavior; "
             f"given: {', '.join(chosen) or 'none'}."
         )
     request = GetBehavior.Request(select=getattr(GetBehavior.Request, chosen[0].upper()))
@@ -60,7 +60,7 @@ def behaviors_request(
     """Return the request for the nearest behaviors; arguments as in `RepertoireClient.get_behaviors`.
 
     Raises:
-        RequestError: A number is none.
+        RequestError: An argument is not a number.
     """
     request = GetBehaviors.Request(
         count=whole_number("count", count), with_controllers=bool(with_controllers)
@@ -75,7 +75,7 @@ def list_request(offset: int, most: int, **limits: Any) -> ListBehaviors.Request
     """Return the request for a page of behaviors; arguments as in `RepertoireClient.list_behaviors_async`.
 
     Raises:
-        RequestError: A number is none.
+        RequestError: An argument is not a number.
     """
     request = ListBehaviors.Request(
         offset=whole_number("offset", offset), limit=whole_number("limit", most)
@@ -92,16 +92,16 @@ def limit(
     by_mean: bool = False,
     single: bool = False,
 ) -> None:
-    """Enter into a request what behaviors are judged by, and limits, as in `RepertoireClient.get_behavior_async`.
+    """Set the limits of a request, and how it judges behaviors, as in `RepertoireClient.get_behavior_async`.
 
     Raises:
         RequestError: A value is not a number, or two arguments contradict each other.
     """
     if by_mean and single:
-        raise RequestError("by_mean and single contradict each other; give one of them, or none.")
+        raise RequestError("by_mean and single contradict each other; give at most one of them.")
     request.by_mean, request.single = bool(by_mean), bool(single)
     if min_fitness is not None:
-        # Far below any fitness, so that a limit is never mistaken for the field's default, which is none.
+        # Raised to a bound far below any fitness, so that it is never mistaken for the field's default, no limit.
         request.min_fitness = max(number("min_fitness", min_fitness), LEAST_FITNESS)
     if max_fall_share is not None:
         request.max_fall_share = number("max_fall_share", max_fall_share)
@@ -121,10 +121,10 @@ def _limit_distance(
 
 
 def check_timeout(seconds: float) -> None:
-    """Refuse a timeout that no answer could keep.
+    """Check that a timeout is positive.
 
     Raises:
-        RequestError: It is not a number above 0.
+        RequestError: The timeout is not a number above 0.
     """
     if number("timeout", seconds) <= 0.0:
         raise RequestError(f"timeout is {seconds}; give seconds above 0.")

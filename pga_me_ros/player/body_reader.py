@@ -1,4 +1,4 @@
-"""Reads a robot out of PyBullet: its model once, its state after each step; nothing in the simulation is changed."""
+"""Reads a robot from PyBullet: its model once, its state after each step, without changing the simulation."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ from pga_me_ros.player.transform import ZERO, Transform, conjugate, multiply, ro
 from pga_me_ros.tasks.body import Body
 
 NO_SPEED_LIMIT = 100.0
-"""Written where the model limits no speed, rad/s or m/s: URDF demands a limit."""
+"""Speed limit for joints without one, rad/s or m/s: URDF requires a limit."""
 
 _MADE_UP = re.compile(r"jointfix_\d+_\d+")
-"""Names that PyBullet gives to the welds of MJCF models; they count what was loaded before."""
+"""Names that PyBullet gives to the welds of MJCF models; their numbers depend on what was loaded before."""
 
 _KINDS = {0: "revolute", 1: "prismatic", 4: "fixed"}
 _SHAPES = {2: ("sphere", 1), 3: ("box", 3), 4: ("cylinder", 2), 5: ("mesh", 3), 7: ("capsule", 2)}
@@ -36,8 +36,8 @@ _SHAPES = {2: ("sphere", 1), 3: ("box", 3), 4: ("cylinder", 2), 5: ("mesh", 3), 
 class BodyReader:
     """Reads one robot.
 
-    Poses are computed from the positions of the joints: asking PyBullet for those of links may refresh what it has
-    cached, and that would change the episode.
+    Poses are computed from the joint positions: reading link poses from PyBullet may refresh its caches, which would
+    change the episode.
 
     Args:
         body: The robot in its world, which must stay open.
@@ -47,7 +47,7 @@ class BodyReader:
         client: Id of the PyBullet client.
 
     Raises:
-        TaskError: The robot is no tree of links with joints of one degree of freedom below the torso.
+        TaskError: The robot is not a tree of links below the torso with joints of one degree of freedom.
     """
 
     def __init__(self, body: Body) -> None:
@@ -99,11 +99,11 @@ class BodyReader:
         root, robot = self._pybullet.getBodyInfo(self._body.robot, self._body.client)
         torso = self._body.torso
         torso_name = root.decode() if torso < 0 else self._name(torso)
-        # Links and joints of the user's keep their names; what is added here takes one that is free.
+        # The user's links and joints keep their names; what is added here gets a free one.
         below = {torso_name, *map(self._name, self._below_torso())}
         base = free_name(below, BASE_LINK, TORSO_CENTER)
         names = {torso: torso_name}
-        # The torso's own frame may lie anywhere, for a walker's on the floor: its center of mass is a better handle.
+        # The torso's own frame may be anywhere (a walker's is on the floor), so its center of mass is the reference.
         frames = {torso: self._centers[torso].inverse()}
         links = [
             Link(base, 0.0, ZERO, Transform(), ()),
@@ -113,8 +113,8 @@ class BodyReader:
         joints = [Joint(weld, "fixed", base, torso_name, Transform())]
         for index in self._below_torso():
             if index in names:
-                continue  # it became one with the link before
-            # A model with several joints, or one in mid-air, in a body becomes a chain of empty links.
+                continue  # it was merged into the previous link
+            # PyBullet turns a body with several joints, or with an offset joint, into a chain of empty links.
             part = self._welded_to_nothing(index)
             frames[index], names[index] = Transform(), self._name(part)
             if part != index:
@@ -125,7 +125,7 @@ class BodyReader:
         return RobotModel(robot.decode() or "robot", tuple(links), tuple(joints))
 
     def _link(self, index: int, name: str, frame: Transform) -> Link:
-        """Return a link whose frame in PyBullet has a pose in the frame that we give it."""
+        """Return a link, given the pose of its PyBullet frame in the frame that we give it."""
         mass, _, inertia = self._dynamics[index][:3]
         shapes = tuple(
             Shape(s.kind, s.size, frame @ s.pose, s.color, s.mesh)
@@ -148,8 +148,8 @@ class BodyReader:
         if lower > upper:
             if kind == "prismatic":
                 raise TaskError(
-                    f"joint '{name}' slides without limits, which a robot description cannot say; give it limits, or "
-                    "name a torso below it in the task's body"
+                    f"joint '{name}' slides without limits, which URDF cannot express; give it limits, or name a torso "
+                    "below it in the task's body"
                 )
             kind, lower, upper = "continuous", 0.0, 0.0
         effort = self._body.efforts.get(name, effort)
@@ -169,17 +169,17 @@ class BodyReader:
         )
 
     def _welded_to_nothing(self, index: int) -> int:
-        """Return the only link that PyBullet welded to a link without mass and shape, else the link itself."""
+        """Return the one link that is welded to an empty link (no mass, no shape), else the link itself."""
         children = [i for i, info in enumerate(self._infos) if info[16] == index]
         empty = self._dynamics[index][0] == 0.0 and index not in self._shapes
         welds = [_MADE_UP.fullmatch(self._infos[i][1].decode()) for i in children]
         return children[0] if empty and len(welds) == 1 and welds[0] else index
 
     def _below_torso(self) -> Iterator[int]:
-        """Yield the links that hang on the torso, parents first.
+        """Yield the links below the torso, parents first.
 
         Raises:
-            TaskError: One hangs elsewhere.
+            TaskError: A link is not below the torso.
         """
         below = {self._body.torso}
         for index, info in enumerate(self._infos):
@@ -188,8 +188,8 @@ class BodyReader:
                 yield index
             elif index not in self._rails:
                 raise TaskError(
-                    f"link '{self._name(index)}' does not hang on the torso; the torso of a task's body must carry all "
-                    "of the robot"
+                    f"link '{self._name(index)}' is not below the torso; the torso of a task's body must be an "
+                    "ancestor of all other links"
                 )
 
     def _ancestors(self, index: int) -> list[int]:
@@ -201,7 +201,7 @@ class BodyReader:
         return path
 
     def _read_shapes(self) -> dict[int, list[Shape]]:
-        """Return the shapes of each link in the frame that it has in PyBullet."""
+        """Return the shapes of each link in its PyBullet frame."""
         shapes: dict[int, list[Shape]] = {}
         for data in self._pybullet.getVisualShapeData(self._body.robot, -1, self._body.client):
             if data[2] not in _SHAPES:
@@ -210,7 +210,7 @@ class BodyReader:
                     "cylinder, capsule or mesh"
                 )
             if data[7][3] == 0.0:
-                continue  # cannot be seen, such as a part that a damage took away
+                continue  # invisible, such as a part removed by damage
             kind, entries = _SHAPES[data[2]]
             pose, mesh = Transform(*data[5:7]), data[4].decode()
             shapes.setdefault(data[1], []).append(
@@ -221,7 +221,7 @@ class BodyReader:
         return shapes
 
     def _lay_capsules(self, shapes: dict[int, list[Shape]]) -> None:
-        """Replace the poses of capsules given by their ends, which PyBullet reports as standing in the origin."""
+        """Correct the poses of capsules given by their ends, which PyBullet reports as upright at the origin."""
         poses = capsule_poses(self._path)
         root = self._pybullet.getBodyInfo(self._body.robot, self._body.client)[0].decode()
         for index, seen in shapes.items():
@@ -240,15 +240,15 @@ class BodyReader:
         if kind is None:
             name = self._infos[index][1].decode()
             raise TaskError(
-                f"joint '{name}' has several degrees of freedom; a robot that is shown may have hinges and slides"
+                f"joint '{name}' has several degrees of freedom; only robots with hinges and slides can be shown"
             )
         return kind
 
     def _origin(self, index: int) -> Transform:
         """Return the pose of a link's frame in that of its parent at position 0.
 
-        PyBullet tells the joint's place in the frame of the parent's center of mass, and the opposite of the rotation
-        between both centers of mass.
+        PyBullet gives the joint's position in the frame of the parent's center of mass, and the inverse of the rotation
+        between the frames of the two centers of mass.
         """
         info = self._infos[index]
         turned = multiply(conjugate(info[15]), conjugate(self._centers[index].rotation))

@@ -9,16 +9,16 @@ from pga_me_ros.player.model import RobotModel, RobotState, link_poses
 from pga_me_ros.player.transform import Transform, Vector
 
 FIELD_OF_VIEW = 30.0
-"""Vertical, degrees: narrow, so that a robot looks the same wherever it is in the picture."""
+"""Vertical field of view, degrees; narrow, so that perspective distorts the robot little."""
 
 FLAT = 0.35
-"""A robot is flat when it is wider than this share of its height or length."""
+"""A robot is flat if its width is less than this share of its length or height, whichever is greater."""
 
 MARGIN = 1.75
-"""Height of what is seen over that of the robot at the start: room for a robot that hops, and for words above it."""
+"""Height of the view divided by the robot's initial height: room for hops, and for text above the robot."""
 
 CENTER = 0.6
-"""Height of the middle of the picture over that of the robot at the start."""
+"""Height of the picture's center divided by the robot's initial height."""
 
 
 @dataclass(frozen=True)
@@ -26,10 +26,10 @@ class Camera:
     """Looks at the robot from its right-hand side, so that it runs to the right of the picture.
 
     Attributes:
-        distance: From the point that it looks at, m.
+        distance: Distance from the point that it looks at, m.
         height: Height of that point above the ground, m.
-        pitch: How far it looks down, degrees.
-        yaw: How far it stands ahead of the robot, degrees.
+        pitch: Angle at which it looks down, degrees.
+        yaw: Angle by which it is ahead of the robot, degrees.
     """
 
     distance: float
@@ -39,11 +39,11 @@ class Camera:
 
     @classmethod
     def for_robot(cls, model: RobotModel, state: RobotState) -> Camera:
-        """Return the camera for a robot: a flat one is seen from the side, any other from above, too.
+        """Return the camera for a robot: from the side for a flat one, else also from ahead and above.
 
         Args:
             model: The robot.
-            state: Where it is at the start.
+            state: Its initial state.
         """
         low, high = extent(model, state)
         length, width, height = (b - a for a, b in zip(low, high, strict=True))
@@ -57,7 +57,7 @@ class Camera:
         return (state.base.position[0], state.base.position[1], self.height)
 
     def eye(self, state: RobotState) -> Vector:
-        """Return where it stands."""
+        """Return the position of the camera, m."""
         x, y, z = self.target(state)
         pitch, yaw = math.radians(self.pitch), math.radians(self.yaw)
         aside = self.distance * math.cos(pitch)
@@ -69,7 +69,7 @@ class Camera:
 
 
 def extent(model: RobotModel, state: RobotState) -> tuple[Vector, Vector]:
-    """Return the corners of a box around the shapes of a robot, m, in the world."""
+    """Return the low and high corners of a box around the robot's shapes, m, in the world."""
     poses = link_poses(model, state)
     low, high = [math.inf] * 3, [-math.inf] * 3
     for link in model.links:

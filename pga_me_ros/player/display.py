@@ -1,4 +1,4 @@
-"""Whether a window can be opened: PyBullet ends the process where there is no display."""
+"""Check for a display before a window is opened: without one, PyBullet exits the process."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ def require_display() -> None:
     """Check that there is a display.
 
     Raises:
-        SettingsError: There is no display, or it does not answer.
+        SettingsError: There is no display, or it cannot be opened.
     """
     if not sys.platform.startswith("linux"):
         return
     name = os.environ.get("DISPLAY", "")
     if not name:
         raise SettingsError(
-            "There is no display for a window (DISPLAY is not set); leave gui out and look at the robot in RViz or "
-            "Foxglove, or draw it into a file with `ros2 run pga_me_ros render`."
+            "There is no display for a window (DISPLAY is not set); leave gui out and watch the robot in RViz or "
+            "Foxglove, or render it to a file with `ros2 run pga_me_ros render`."
         )
     if not _answers():
         raise SettingsError(
@@ -31,7 +31,7 @@ def require_display() -> None:
 
 
 def _answers() -> bool:
-    """Whether the display opens; also true when there is no way to find out."""
+    """Whether the display can be opened; true if we cannot tell."""
     library = ctypes.util.find_library("X11")
     if library is None:
         return True

@@ -1,4 +1,4 @@
-"""What is shown: a behavior of a repertoire, served or read from a file."""
+"""The behavior that is played, from a served repertoire or a file."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pga_me_ros.arrays import Float64Array
 
 
 class Gait(Protocol):
-    """A behavior to show: a `pga_me_ros.client.Behavior` is one, and so is a `StoredBehavior`."""
+    """A behavior to play; both `pga_me_ros.client.Behavior` and `StoredBehavior` implement it."""
 
     @property
     def cell(self) -> int:
@@ -17,7 +17,7 @@ class Gait(Protocol):
 
     @property
     def evaluation(self) -> int:
-        """Id of the evaluation that it was found with."""
+        """Id of its original evaluation."""
 
     @property
     def fitness(self) -> float:
@@ -49,11 +49,11 @@ class Gait(Protocol):
 
     @property
     def promised_descriptor(self) -> Float64Array:
-        """(d,) float64 the descriptor that it was chosen by."""
+        """(d,) float64 descriptor that it was chosen by."""
 
     @property
     def distance(self) -> float:
-        """From its descriptor to the one that was asked for, 0 if none was."""
+        """Distance from its descriptor to the requested one, 0 if none was requested."""
 
     @property
     def controller(self) -> Callable[[Any], Any]:

@@ -1,4 +1,4 @@
-"""What ROS tools draw a robot from: joint states, transforms, odometry."""
+"""Messages from which ROS tools draw a robot: joint states, transforms, odometry."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from pga_me_ros.player.transform import Transform, conjugate, rotate
 
 
 class RobotMessages:
-    """Makes the messages of one robot; each call gives the same object with new values.
+    """Makes the messages of one robot; each call updates and returns the same object.
 
     Args:
         model: The robot.
-        prefix: Put before the name of every frame, joints excepted, as robot_state_publisher does.
+        prefix: Prefix of all frame names, but not of joint names, as in robot_state_publisher.
     """
 
     def __init__(self, model: RobotModel, prefix: str = "") -> None:
@@ -46,7 +46,7 @@ class RobotMessages:
         return msg
 
     def moving_frames(self, state: RobotState, stamp: Time) -> TFMessage:
-        """Return the pose of the base in the world, and of each link behind a movable joint in the link before."""
+        """Return the pose of the base in the world, and of each link that a movable joint moves in its parent."""
         poses = [
             state.base,
             *(
@@ -68,7 +68,7 @@ class RobotMessages:
         return TFMessage(transforms=transforms)
 
     def odometry(self, state: RobotState, stamp: Time) -> Odometry:
-        """Return the pose of the base in the world, and its velocity in its own axes, as nav_msgs defines it."""
+        """Return the pose of the base in the world, and its velocity in the base frame, as nav_msgs defines it."""
         msg = self._odometry
         msg.header.stamp = stamp
         position, orientation = msg.pose.pose.position, msg.pose.pose.orientation

@@ -1,4 +1,4 @@
-"""Capsules of MuJoCo models: PyBullet simulates where they end, but does not tell."""
+"""Poses of capsules in MuJoCo models: PyBullet simulates them correctly, but does not report them."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from pga_me_ros.player.transform import Transform, Vector, from_z_to
 
 
 def capsule_poses(path: Path) -> dict[str, list[Transform | None]]:
-    """Return where the capsules lie that a model gives by their two ends.
+    """Return the poses of the capsules that a model gives by their two ends.
 
     Args:
         path: MJCF file.
 
     Returns:
-        By the name of a body, an entry per geom in the file's order: the pose of the capsule, which lies along z, in
-        the body's frame; None for a geom that is given in another way.
+        By body name, an entry per geom in the file's order: the pose in the body's frame of the capsule, which lies
+        along z; None for a geom that is given in another way.
 
     Raises:
-        TaskError: The file is missing or is no MJCF.
+        TaskError: The file is missing or not valid MJCF.
     """
     try:
         root = ET.parse(path).getroot()

@@ -1,4 +1,4 @@
-"""A robot as ROS tools see it: links with shapes, joints between them, and the poses that follow."""
+"""A robot model for ROS tools: links with shapes, joints between them, and link poses."""
 
 from __future__ import annotations
 
@@ -9,24 +9,25 @@ from itertools import chain, count
 from pga_me_ros.player.transform import UNTURNED, ZERO, Transform, Vector, turn
 
 BASE_LINK = "base_link"
-"""Frame of the whole robot: the torso's center of mass, turned as the torso."""
+"""Base frame of the robot: the torso's center of mass, with the torso's orientation."""
 
 TORSO_CENTER = "torso_center"
-"""Name of that frame where the robot has a `BASE_LINK` of its own, which keeps its name and place, see REP 105."""
+"""Name of that frame if the robot already has a link named `BASE_LINK`, which keeps its name and pose, see REP 105."""
 
 WORLD = "odom"
-"""Frame that the robot moves in: the floor is its plane z = 0."""
+"""Fixed frame that the robot moves in; the floor is its plane z = 0."""
 
 Color = tuple[float, float, float, float]
 
 
 @dataclass(frozen=True)
 class Shape:
-    """What is seen of a link.
+    """A visible shape of a link.
 
     Attributes:
         kind: ``sphere``, ``box``, ``cylinder``, ``capsule`` or ``mesh``.
-        size: m: (radius,); the three edges; (length, radius), a capsule's without its caps; or a mesh's three scales.
+        size: In m: a sphere's (radius,); a box's three edges; a cylinder's or capsule's (length, radius), the length
+            without the caps. For a mesh, its three scale factors.
         pose: Pose in the link's frame; cylinders and capsules lie along z.
         color: Red, green, blue, opacity, 0 to 1.
         mesh: File of a mesh.
@@ -48,7 +49,7 @@ class Link:
         mass: kg.
         inertia: Moments of inertia about the axes of the frame of the center of mass, kg m².
         center: Pose of the frame of the center of mass in the link's frame.
-        shapes: What is seen of it.
+        shapes: Its visible shapes.
     """
 
     name: str
@@ -65,12 +66,12 @@ class Joint:
     Attributes:
         name: Its name.
         kind: ``revolute``, ``continuous``, ``prismatic`` or ``fixed``.
-        parent: Name of the link that it hangs on.
-        child: Name of the link that it moves.
+        parent: Name of the parent link.
+        child: Name of the child link.
         origin: Pose of the child in the parent at position 0.
         axis: Unit vector in the child's frame.
         lower: Least position, rad or m; for revolute and prismatic joints.
-        upper: Greatest position.
+        upper: Greatest position, likewise.
         effort: Greatest torque or force, N·m or N.
         velocity: Greatest speed, rad/s or m/s.
         index: Joint index in PyBullet, of a movable joint.
@@ -101,8 +102,8 @@ class RobotModel:
 
     Attributes:
         name: Name of the robot.
-        links: Its links, that of the whole robot first.
-        joints: Its joints, each after the one that moves its parent.
+        links: Its links, base frame first.
+        joints: Its joints, each after the joint of its parent.
     """
 
     name: str
@@ -111,12 +112,12 @@ class RobotModel:
 
     @property
     def base(self) -> str:
-        """Name of the frame of the whole robot: `BASE_LINK`, or another where the robot has one of that name."""
+        """Name of the base frame: `BASE_LINK`, or another name if the robot has a link of that name."""
         return self.links[0].name
 
     @property
     def world(self) -> str:
-        """Name of the frame that the robot moves in: `WORLD`, or another where the robot has one of that name."""
+        """Name of the fixed frame: `WORLD`, or another name if the robot has a link of that name."""
         return free_name([link.name for link in self.links], WORLD)
 
     @property
@@ -126,18 +127,18 @@ class RobotModel:
 
     @property
     def fixed(self) -> tuple[Joint, ...]:
-        """The joints that do not."""
+        """The fixed joints."""
         return tuple(joint for joint in self.joints if joint.kind == "fixed")
 
 
 @dataclass(frozen=True)
 class RobotState:
-    """Where a robot is and how it moves.
+    """Pose and velocities of a robot.
 
     Attributes:
-        base: Pose of the frame of the whole robot in the world.
-        linear: Velocity of its origin, m/s, in axes of the world.
-        angular: Angular velocity, rad/s, in axes of the world.
+        base: Pose of the base frame in the world.
+        linear: Velocity of its origin, m/s, in the world frame.
+        angular: Angular velocity, rad/s, in the world frame.
         positions: Position of each movable joint, rad or m.
         velocities: Velocity of each movable joint, rad/s or m/s.
     """
@@ -150,13 +151,13 @@ class RobotState:
 
 
 def free_name(taken: Container[str], *wanted: str) -> str:
-    """Return the first of some names that is not taken; if all are, the last one with a number behind it."""
+    """Return the first name that is not taken; if all are, the last one with a number appended."""
     numbered = (f"{wanted[-1]}_{number}" for number in count(2))
     return next(name for name in chain(wanted, numbered) if name not in taken)
 
 
 def motion(kind: str, axis: Vector, position: float) -> Transform:
-    """Return what a movable joint does to its child's frame.
+    """Return the transform of a movable joint at a position.
 
     Args:
         kind: As in `Joint`.
@@ -169,7 +170,7 @@ def motion(kind: str, axis: Vector, position: float) -> Transform:
 
 
 def link_poses(model: RobotModel, state: RobotState) -> dict[str, Transform]:
-    """Return the pose of every link's frame in the world by its name."""
+    """Return the pose of every link's frame in the world, by link name."""
     positions = {joint.name: q for joint, q in zip(model.movable, state.positions, strict=True)}
     poses = {model.base: state.base}
     for joint in model.joints:

@@ -6,14 +6,14 @@ import time
 from threading import Event
 
 LATE = 0.25
-"""Seconds behind after which lost time is given up: a robot that catches up in a rush is no sight."""
+"""Seconds of delay after which we stop catching up: a robot that rushes to catch up looks wrong."""
 
 
 class Pace:
     """Waits between the steps of a simulation.
 
     Args:
-        speed: Simulated seconds per second, 0 for as many as there can be. May be changed at any time.
+        speed: Simulated seconds per second, 0 for as fast as possible. May be changed at any time.
         stop: Ends any wait when it is set.
     """
 
@@ -23,11 +23,11 @@ class Pace:
         self._due = self._began = time.monotonic()
 
     def begin(self) -> None:
-        """Start to count: the next step is due at once."""
+        """Start counting; the next step is due at once."""
         self._due = self._began = time.monotonic()
 
     def wait(self, period: float) -> None:
-        """Wait until a step of simulated time has passed since the last wait ended in time.
+        """Wait until the next step is due, one step of simulated time after the last due time.
 
         Args:
             period: Length of the step, s.

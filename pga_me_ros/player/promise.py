@@ -1,4 +1,4 @@
-"""The outcome of an episode, next to what the repertoire promised."""
+"""Compares the outcome of an episode with the repertoire's promise."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from pga_me_ros.tasks.rollout import Episode
 
 
 def is_kept(gait: Gait, episode: Episode) -> bool:
-    """Whether fitness and descriptor are those of the evaluation that the behavior was found with, bit for bit."""
+    """Whether fitness and descriptor equal those of the behavior's original evaluation, bit for bit."""
     same = np.array_equal(episode.descriptor, gait.descriptor)
     return episode.fitness == gait.fitness and same
 
 
 def kept(gait: Gait, episode: Episode, *, fresh: bool = False) -> str:
-    """Return what was achieved and what was promised, in one line.
+    """Return the achieved and the promised outcome in one line.
 
     Args:
         gait: The behavior.
         episode: The episode.
-        fresh: Whether it began in another pose than the evaluation that the behavior was found with; then its means are
-            what it promises, where it was chosen by them.
+        fresh: Whether it began in another pose than the original evaluation. If so, a behavior chosen by its means
+            promises these means.
     """
     achieved = _words(episode.fitness, episode.descriptor)
     if fresh and gait.by_mean:
@@ -38,7 +38,7 @@ def kept(gait: Gait, episode: Episode, *, fresh: bool = False) -> str:
 
 
 def lasted(episode: Episode, period: float) -> str:
-    """Return how long an episode went on, and whether it ended by itself.
+    """Return how long an episode lasted, and how it ended, in words.
 
     Args:
         episode: The episode.
@@ -51,7 +51,7 @@ def lasted(episode: Episode, period: float) -> str:
 
 
 def average(gait: Gait) -> str:
-    """Return what a behavior does on average, as far as it was evaluated again."""
+    """Return a behavior's mean outcome in words, or its single evaluation if it was not chosen by means."""
     if not gait.by_mean:
         return f"{_words(gait.fitness, gait.descriptor)} by a single evaluation"
     spread = f" ± {gait.fitness_spread:.2f}" if gait.repeats > 1 else ""

@@ -13,19 +13,19 @@ from pga_me_ros.errors import SettingsError
 
 @dataclass(frozen=True)
 class PlayerSettings:
-    """What is played, and how."""
+    """What to play, and how."""
 
     select: str = setting(
         "auto",
-        "Which gait: that nearest to 'descriptor', that of 'cell', the 'best', or a 'random' one, another for each "
-        "episode; 'auto' goes by which of descriptor and cell is given, and takes the best without.",
+        "Gait to play: the one nearest to 'descriptor', the one in 'cell', the 'best', or a new 'random' one in each "
+        "episode; 'auto' uses descriptor or cell, whichever is given, else the best.",
         choices=("auto", "descriptor", "cell", "best", "random"),
     )
     descriptor: tuple[float, ...] = setting(
-        (), "Wanted descriptor, one number per dimension, each with a point: [0.9, 0.1]."
+        (), "Wanted descriptor, one number per dimension, each with a decimal point: [0.9, 0.1]."
     )
     cell: int = setting(-1, "Wanted cell of the archive; -1 for none.", low=-1, high=INT64_MAX)
-    min_fitness: float = setting(-math.inf, "Least fitness of what may be chosen.")
+    min_fitness: float = setting(-math.inf, "Least fitness of a gait that may be chosen.")
     max_fall_share: float = setting(
         math.inf,
         "Greatest share of a gait's re-evaluations that may have ended in a fall, 0 to 1; infinite for any.",
@@ -34,24 +34,22 @@ class PlayerSettings:
     )
     single: bool = setting(
         False,
-        "Whether gaits are chosen by the single evaluation that they were found with, rather than by the means of "
-        "their re-evaluations where they have any.",
+        "Whether gaits are chosen by their original, single evaluation instead of the means of their re-evaluations.",
     )
     run_dir: str = setting(
         "",
-        "Folder of a run, or its repertoire file, to take the gait from; empty asks the node that serves a repertoire.",
+        "Folder of a run, or its repertoire file, to take the gait from; empty to ask the node that serves one.",
         path=True,
     )
     episodes: int = setting(0, "Episodes to play; 0 plays until stopped.", low=0, high=INT64_MAX)
     start: str = setting(
         "evaluated",
-        "Initial pose: 'evaluated' is that of the evaluation, which is repeated bit for bit; 'fresh' is another one in "
-        "each episode.",
+        "Initial pose: 'evaluated' repeats the original evaluation bit for bit; 'fresh' is a new pose in each episode.",
         choices=("evaluated", "fresh"),
     )
     damage: str = setting(
         "",
-        "What is wrong with the robot or its world, for example 'jam foot_joint 0.3, ice'; empty: nothing.",
+        "Damage to the robot or its world, for example 'jam foot_joint 0.3, ice'; empty for none.",
     )
     speed: float = setting(
         1.0,
@@ -62,16 +60,16 @@ class PlayerSettings:
     )
     clock: bool = setting(
         True,
-        "Whether stamps count simulated time, which /clock tells; otherwise they are of the system's clock.",
+        "Whether to publish /clock and stamp messages with simulated time; otherwise stamps are system time.",
     )
     frame_prefix: str = setting(
-        "", "Put before the names of frames, for several robots in one tree: left/."
+        "", "Prefix of frame names, for several robots in one tf tree: left/."
     )
     gui: bool = setting(False, "Whether to open PyBullet's window.")
 
 
 def wanted(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return which gait the parameters ask for, as arguments of `RepertoireClient.get_behavior`.
+    """Return the choice of a gait as arguments of `RepertoireClient.get_behavior`.
 
     Args:
         values: Parameters by name.

@@ -1,4 +1,4 @@
-"""Where gaits come from: a repertoire that is being served, or a file."""
+"""Sources of gaits: a served repertoire, or a file."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Source(Protocol):
             wanted: Arguments of `RepertoireClient.get_behavior`.
 
         Raises:
-            PgaError: None fits, or nobody answers.
+            PgaError: No gait matches, or there is no response.
         """
         ...
 
@@ -42,11 +42,11 @@ class Served:
     """A repertoire that another node serves, and that may still grow.
 
     Args:
-        node: Node to ask through, spun by another thread.
+        node: Node that makes the calls; another thread spins it.
         wait: Waits for a future and returns its result.
 
     Raises:
-        RepertoireTimeoutError: Nobody serves one.
+        RepertoireTimeoutError: No repertoire is served.
     """
 
     def __init__(self, node: Node, wait: Callable[[Future], Any]) -> None:

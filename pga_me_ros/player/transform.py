@@ -1,4 +1,4 @@
-"""Positions and rotations in plain floats: poses of a few links per step, too few for arrays to pay."""
+"""Positions and rotations in plain floats, which are faster than arrays for a few links per step."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Transform(NamedTuple):
     rotation: Quaternion = UNTURNED
 
     def __matmul__(self, inner: Transform) -> Transform:
-        """Return the pose, in our outer frame, of a frame whose pose in our inner one is given."""
+        """Return the composed pose: a frame given in the inner frame, expressed in the outer frame."""
         return Transform(self.apply(inner.position), multiply(self.rotation, inner.rotation))
 
     def apply(self, point: Vector) -> Vector:
@@ -40,12 +40,12 @@ class Transform(NamedTuple):
 
 
 def conjugate(q: Quaternion) -> Quaternion:
-    """Return the opposite rotation."""
+    """Return the inverse rotation."""
     return (-q[0], -q[1], -q[2], q[3])
 
 
 def multiply(a: Quaternion, b: Quaternion) -> Quaternion:
-    """Return the rotation that turns by b, then by a."""
+    """Return the rotation by b, then by a."""
     ax, ay, az, aw = a
     bx, by, bz, bw = b
     return (
@@ -57,7 +57,7 @@ def multiply(a: Quaternion, b: Quaternion) -> Quaternion:
 
 
 def rotate(q: Quaternion, v: Vector) -> Vector:
-    """Return a vector turned by a rotation."""
+    """Return a rotated vector."""
     x, y, z, _ = multiply(multiply(q, (v[0], v[1], v[2], 0.0)), conjugate(q))
     return (x, y, z)
 
@@ -69,7 +69,7 @@ def turn(axis: Vector, angle: float) -> Quaternion:
 
 
 def unit(v: Vector) -> Vector:
-    """Return a vector of length 1 in the same direction; a zero vector stays one."""
+    """Return a vector of length 1 in the same direction; a zero vector is returned unchanged."""
     length = math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
     return (v[0] / length, v[1] / length, v[2] / length) if length else v
 
@@ -87,9 +87,7 @@ def roll_pitch_yaw(q: Quaternion) -> Vector:
     """Return the angles of a rotation about fixed x, then y, then z, rad, as URDF writes it."""
     x, y, z, w = q
     sine = max(-1.0, min(1.0, 2.0 * (w * y - z * x)))
-    if (
-        abs(sine) > 1.0 - 1e-12
-    ):  # looking straight up or down, yaw and roll turn about the same axis
+    if abs(sine) > 1.0 - 1e-12:  # gimbal lock: yaw and roll rotate about the same axis
         return (
             0.0,
             math.copysign(math.pi / 2.0, sine),

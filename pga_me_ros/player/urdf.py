@@ -14,7 +14,7 @@ from pga_me_ros.player.transform import Transform, Vector, roll_pitch_yaw
 def urdf(model: RobotModel) -> str:
     """Return a robot's description as URDF.
 
-    Numbers are written with all their digits. Capsules, which URDF does not know, become a cylinder and two spheres.
+    Numbers are written with full precision. URDF has no capsules, so each becomes a cylinder and two spheres.
     """
     robot = ET.Element("robot", name=model.name)
     for color in _colors(model):
@@ -60,7 +60,7 @@ def _add_geometry(element: ET.Element, shape: Shape) -> None:
 
 
 def _parts(shape: Shape) -> Iterator[Shape]:
-    """Yield a shape in terms of those that URDF knows."""
+    """Yield a shape as shapes that URDF supports."""
     if shape.kind != "capsule":
         yield shape
         return
@@ -91,7 +91,7 @@ def _add_origin(element: ET.Element, pose: Transform) -> None:
 
 
 def _colors(model: RobotModel) -> list[Color]:
-    """Return the colors in use, each once."""
+    """Return the colors in use, without duplicates."""
     shapes = (shape for link in model.links for shape in link.shapes)
     return list(dict.fromkeys(shape.color for shape in shapes))
 

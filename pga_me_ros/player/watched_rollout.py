@@ -1,4 +1,4 @@
-"""Episodes with somebody watching: what is seen changes nothing of what happens."""
+"""Episodes with an observer, which does not affect them."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ def watched_rollout(
     rng: np.random.Generator,
     look: Look,
 ) -> Episode:
-    """Run one episode as `rollout` does, and look at the robot before the first and after each step.
+    """Run one episode as `rollout` does, and call an observer before the first and after each step.
 
     Args:
         task: The task; it must have a `body`.
         controller: As in `rollout`.
         rng: Source of the initial pose.
-        look: Called with the number of steps done and the reader of the robot. What it raises ends the episode.
+        look: Called with the number of steps done and the reader of the robot. An exception ends the episode.
 
     Raises:
         TaskError: The task has no `body`, or its robot cannot be shown.
@@ -53,29 +53,29 @@ def watched_rollout(
 
 
 def body_of(task: Any) -> Body:
-    """Return where a task's robot is to be found.
+    """Return the robot of a task.
 
     Raises:
-        TaskError: The task does not say.
+        TaskError: The task has no `body`.
     """
     body = getattr(task, "body", None)
     if not isinstance(body, Body):
         raise TaskError(
             f"task '{task.spec.name}' cannot be shown: it has no property 'body' that is a "
-            "pga_me_ros.tasks.body.Body; docs/tasks.md tells how to add one"
+            "pga_me_ros.tasks.body.Body; see docs/tasks.md for how to add one"
         )
     return body
 
 
 @dataclass(frozen=True)
 class Recording:
-    """An episode to be drawn.
+    """A recorded episode, for drawing.
 
     Attributes:
         model: The robot.
-        states: What was seen of it.
-        steps: Steps done before each of the states.
-        episode: What the episode came to.
+        states: Its recorded states.
+        steps: Number of steps before each state.
+        episode: The episode.
     """
 
     model: RobotModel

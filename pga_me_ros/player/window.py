@@ -1,4 +1,4 @@
-"""PyBullet's window, kept on the robot."""
+"""PyBullet's window, which follows the robot."""
 
 from __future__ import annotations
 
@@ -9,21 +9,21 @@ from pga_me_ros.player.camera import FIELD_OF_VIEW, Camera
 from pga_me_ros.player.model import RobotState
 
 WIDER = math.tan(math.radians(60.0 / 2.0)) / math.tan(math.radians(FIELD_OF_VIEW / 2.0))
-"""How much more the window sees from the same place: its field of view is 60 degrees."""
+"""Height of the window's view relative to `Camera`'s at the same distance; its field of view is 60 degrees."""
 
 SETTLING = 60
-"""Pictures for which the view is imposed: the window tells of a change only some pictures after it was made."""
+"""Frames for which we impose the view: the window reports a changed view only some frames later."""
 
 
 class Window:
-    """Moves the window's view along with the robot; from where it is looked at is up to the user's mouse.
+    """Moves the window's view along with the robot; the user chooses angle and distance with the mouse.
 
     Args:
         reader: The robot.
-        state: Where it is at the start.
+        state: Its initial state.
 
     Attributes:
-        client: Id of the PyBullet client; a reset may open another world, and with it another window.
+        client: Id of the PyBullet client; a reset may open another world and another window.
     """
 
     def __init__(self, reader: BodyReader, state: RobotState) -> None:
@@ -37,7 +37,7 @@ class Window:
         pybullet.configureDebugVisualizer(pybullet.COV_ENABLE_GUI, 0, physicsClientId=self.client)
 
     def follow(self, state: RobotState) -> None:
-        """Look at the robot where it is now."""
+        """Center the view on the robot."""
         if self._settling:
             self._settling -= 1
         else:

@@ -1,4 +1,4 @@
-"""The archive as pictures on topics, each drawn only while somebody looks at it."""
+"""Pictures of the archive on topics, each drawn only while it has subscribers."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from pga_me_ros.ros.convert import image_to_msg
 from pga_me_ros.ros.spinning import EndingNode
 
 PERIOD = 0.5
-"""Seconds between two looks at whether a picture is wanted: a run may finish several generations in a second."""
+"""Seconds between two checks for subscribers; a run may finish several generations in a second."""
 
 WIDTH = 240
-"""Pixels; the first picture of a Voronoi archive this wide takes a quarter of a second, each later one milliseconds."""
+"""Width in pixels; the first picture of a Voronoi archive takes a quarter of a second, each later one milliseconds."""
 
 FRAME = "repertoire"
 """Frame of the map: its x is the first descriptor, its y the second, in descriptor units."""
@@ -32,13 +32,13 @@ Draw = Callable[[Archive, Time], Any]
 
 
 class ArchivePictures:
-    """Publishes pictures of an archive, latched: `repertoire/heatmap`, and `repertoire/grid` of two dimensions.
+    """Publishes pictures of an archive, latched: `repertoire/heatmap`, and for two dimensions `repertoire/grid`.
 
-    A picture that cannot be drawn is reported once and left out; it never ends the node.
+    A picture that cannot be drawn is reported once and left out; it never stops the node.
 
     Args:
         node: Node that publishes them.
-        archive: The archive; tell by `changed` when it is another one or has other elites.
+        archive: The archive; call `changed` when its elites change or another archive replaces it.
     """
 
     def __init__(self, node: EndingNode, archive: Archive) -> None:
@@ -51,7 +51,11 @@ class ArchivePictures:
         node.create_timer(PERIOD, node.unless_ended(self._look), clock=steady)
 
     def changed(self, archive: Archive) -> None:
-        """Say that the pictures are out of date."""
+        """Mark the pictures as out of date.
+
+        Args:
+            archive: The archive to draw from now on.
+        """
         self._archive = archive
         for picture in self._pictures:
             picture.newest = None
@@ -65,7 +69,7 @@ class _Picture:
     """One picture on its topic.
 
     Attributes:
-        newest: The picture, None when it has to be drawn anew.
+        newest: The current picture, None if it has to be redrawn.
     """
 
     def __init__(self, node: Node, kind: type, name: str, draw: Draw) -> None:
@@ -77,9 +81,9 @@ class _Picture:
         self._topic = node.create_publisher(kind, name, qos.LATCHED)
 
     def look(self, archive: Archive, node: Node) -> None:
-        """Draw and publish it if somebody is there who has not got it."""
+        """Draw and publish the picture if a subscriber may lack it."""
         before, self._watchers = self._watchers, self._topic.get_subscription_count()
-        # Someone new gets the picture even if it is not new: their subscription may not be latched.
+        # A new subscriber gets the picture even if it is unchanged: the subscription may not be latched.
         if not self._watchers or self._cannot:
             return
         if self.newest is None or self._watchers > before:
@@ -87,9 +91,7 @@ class _Picture:
                 if self.newest is None:
                     self.newest = self._draw(archive, node.get_clock().now().to_msg())
                 self._topic.publish(self.newest)
-            except (
-                Exception
-            ) as error:  # whatever it is, a run must not end because somebody looks at it
+            except Exception as error:  # a picture must never stop a run, whatever the error
                 self._cannot = True
                 node.get_logger().warning(
                     f"{self._name} cannot be drawn and is left out: {type(error).__name__}: {error}"
@@ -97,7 +99,7 @@ class _Picture:
 
 
 class _Map:
-    """Draws the map; which cell lies where is worked out once, when somebody first wants to see it."""
+    """Draws the map; the layout of the cells is computed once, on first use."""
 
     def __init__(self, archive: Archive) -> None:
         self._cells = archive
@@ -114,7 +116,7 @@ def _heatmap(archive: Archive, stamp: Time) -> Image:
 
 
 def map_to_msg(shown: FitnessMap, archive: Archive, stamp: Time) -> OccupancyGrid:
-    """Return an archive's fitness as a map, row by row from the lower left: 0 to 100, -1 where there is no elite."""
+    """Return an archive's fitness as a map, row by row from the lower left: 0 to 100, -1 for an empty cell."""
     msg = OccupancyGrid()
     msg.header.stamp = msg.info.map_load_time = stamp
     msg.header.frame_id = FRAME

@@ -1,4 +1,4 @@
-"""What a request to a repertoire asks for: its limits, and that it names nothing that would be ignored."""
+"""Reads requests to a repertoire: their limits and selection; refuses fields that would be ignored."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pga_me_ros.core.archive.choosing import Demands, Judging
 from pga_me_ros.errors import RequestError
 
 NO_LIMIT = -1e308
-"""Least fitness at or below which it is no limit: the default of the field."""
+"""A min_fitness at or below this is no limit: the default of the field."""
 
 ANY_DISTANCE = "negative for any distance"
 
@@ -20,7 +20,7 @@ WAYS = {
     GetBehavior.Request.BEST: "best",
     GetBehavior.Request.RANDOM: "random",
 }
-"""Ways to select a behavior, as messages number them."""
+"""Ways to select a behavior, by their numbers in messages."""
 
 
 def demands_of(
@@ -29,13 +29,13 @@ def demands_of(
     """Return what a request demands of behaviors.
 
     Raises:
-        RequestError: A limit makes no sense, is required but not named, or two fields contradict each other.
+        RequestError: A limit is invalid, is required but missing, or two fields contradict each other.
     """
     if math.isnan(request.min_fitness):
         raise RequestError("min_fitness is NaN; give a number, or leave it out.")
     limited = request.min_fitness > NO_LIMIT
     if request.require_fitness and not limited:
-        raise RequestError("require_fitness is true, but min_fitness is not given; give it.")
+        raise RequestError("require_fitness is true, but min_fitness is not given; set it.")
     share = request.max_fall_share
     if math.isnan(share) or share > 1.0:
         raise RequestError(
@@ -49,10 +49,10 @@ def demands_of(
 
 
 def farthest(request: GetBehavior.Request | GetBehaviors.Request) -> float:
-    """Return the greatest distance to the requested descriptor, infinite for any.
+    """Return the greatest allowed distance to the requested descriptor, infinite for no limit.
 
     Raises:
-        RequestError: It is NaN.
+        RequestError: max_distance is NaN.
     """
     if math.isnan(request.max_distance):
         raise RequestError(f"max_distance is NaN; give a number, {ANY_DISTANCE}.")
@@ -60,10 +60,10 @@ def farthest(request: GetBehavior.Request | GetBehaviors.Request) -> float:
 
 
 def require_one_way(request: GetBehavior.Request) -> str:
-    """Return the way in which a request selects a behavior, after making sure that it names no other one.
+    """Return the way in which a request selects a behavior, after checking that it sets no field of another way.
 
     Raises:
-        RequestError: The way is unknown, or a field is given that it has no use for.
+        RequestError: The way is unknown, or a field is set that it does not use.
     """
     way = WAYS.get(request.select)
     if way is None:

@@ -1,4 +1,4 @@
-"""What an archive manager knows from re-evaluations: read again when their file or the archive has changed."""
+"""Statistics from re-evaluations, for the archive manager; reloaded when their file or the archive changes."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class KnownStatistics:
 
     Args:
         repertoire: The repertoire file; re-evaluations are next to it, if there are any.
-        run_id: Its run.
+        run_id: Id of its run.
         dimensions: Its number of descriptor dimensions.
     """
 
@@ -35,10 +35,10 @@ class KnownStatistics:
 
         Args:
             archive: The archive as it is now.
-            generation: Its last generation, by which it is known to have changed.
+            generation: Its last generation; a new one means that the archive has changed.
 
         Raises:
-            StorageError: The file of re-evaluations is damaged, of another run or cannot be read.
+            StorageError: The file of re-evaluations is damaged, belongs to another run or cannot be read.
         """
         rows = self._rows()
         state = (self._signature, generation, id(archive))
@@ -49,24 +49,24 @@ class KnownStatistics:
     def measures(
         self, archive: Archive, generation: int, *, growing: bool
     ) -> CorrectedMetrics | None:
-        """Return what the archive is worth by re-evaluations of all of its elites, None while it is not known.
+        """Return the corrected metrics, from re-evaluations of all elites, None while they are unknown.
 
         Args:
             archive: The archive as it is now.
             generation: Its last generation.
-            growing: Whether a run adds to it: then what is not stored as measured is not known, as it has changed
-                since.
+            growing: Whether a run adds to it. If so, only stored metrics count: the archive may have changed since the
+                re-evaluations.
         """
         try:
             stored = {m.generation: m.corrected for m in self._rows().measured}
             if growing or generation in stored:
                 return stored.get(generation)
             return complete_metrics(archive, self.of(archive, generation))
-        except StorageError:  # said by `of`, to those who ask for a behavior
+        except StorageError:  # reported by `of`, to requests for behaviors
             return None
 
     def changed(self) -> bool:
-        """Whether the file of re-evaluations is another one than when it was last read."""
+        """Whether the file of re-evaluations has changed since it was last read."""
         return self._signature is not None and self._signature != self._look()
 
     def _rows(self) -> Reevaluations:
@@ -82,7 +82,7 @@ class KnownStatistics:
         return self._read
 
     def _look(self) -> tuple[int, int, int]:
-        """Return what changes whenever the file is replaced; zeros while there is none."""
+        """Return a signature that changes whenever the file is replaced; zeros while there is none."""
         try:
             found = self._file.stat()
         except OSError:

@@ -1,4 +1,4 @@
-"""What other robot nodes may ask about a repertoire: get_behavior, get_behaviors, list_behaviors, get_info."""
+"""The services of a repertoire for other robot nodes: get_behavior, get_behaviors, list_behaviors, get_info."""
 
 from __future__ import annotations
 
@@ -32,18 +32,18 @@ MOST = 1000
 
 
 class RepertoireServices:
-    """The services that only read.
+    """The read-only services.
 
     Args:
         node: Node that offers them.
         info: Description of the run in the repertoire file.
-        archive: The archive; replace the attribute when it is another object.
+        archive: The archive; set the attribute when another object replaces it.
         grow: Whether it was opened for a run that adds to it.
         path: The repertoire file.
 
     Attributes:
-        growing: Whether the run still adds to it, for get_info; to be replaced when the run ends.
-        metrics: Newest metrics, for get_info; to be replaced when the archive has changed.
+        growing: Whether the run still adds to it, for get_info; set it to False when the run ends.
+        metrics: Latest metrics, for get_info; set them when the archive changes.
     """
 
     def __init__(
@@ -57,7 +57,7 @@ class RepertoireServices:
         self._spec = TaskSpec.from_json(info.task)
         self._shape = MlpShape(tuple(info.layer_sizes))
         self.metrics = MetricsMsg()
-        # What a robot tries next is no part of the run, so it need not be repeatable.
+        # Random choices for robots are not part of the run, so they need not be repeatable.
         self._any = np.random.default_rng()
         many = qos.ASKED_BY_MANY
         node.serve(GetBehavior, names.GET_BEHAVIOR, self._get_behavior, "found", many)
@@ -66,14 +66,14 @@ class RepertoireServices:
         node.create_service(GetInfo, names.GET_INFO, self._get_info, qos_profile=many)
 
     def measures(self, generation: int) -> CorrectedMetrics | None:
-        """Return what the archive after a generation is worth by re-evaluations, None while it is not known."""
+        """Return the corrected metrics of the archive after a generation, None while they are unknown."""
         return self._known.measures(self.archive, generation, growing=self._grow)
 
     def in_words(self, name: str) -> str:
-        """Return what is served, and what is known of it.
+        """Return a one-line summary for the log.
 
         Args:
-            name: What it is called.
+            name: Name of the repertoire.
         """
         measured = self._known.measures(self.archive, self.metrics.generation, growing=False)
         behaviors = f"serves '{name}': {len(self.archive)} behaviors of {self._spec.name}"
@@ -83,13 +83,13 @@ class RepertoireServices:
 
     @property
     def outdated(self) -> bool:
-        """Whether re-evaluations came in that `metrics` do not know of."""
+        """Whether there are new re-evaluations that `metrics` does not include."""
         return self._known.changed()
 
     def _get_behavior(self, request: GetBehavior.Request, response: GetBehavior.Response) -> None:
         try:
             choices, cell, distance = self._choose(request)
-        except NotFoundError as reason:  # an answer as good as any, no fault of the asker's
+        except NotFoundError as reason:  # a regular answer, not an error of the caller
             response.found, response.message = False, str(reason)
             return
         response.behavior = self._behavior(choices, cell)
@@ -125,10 +125,10 @@ class RepertoireServices:
         )
 
     def _choose(self, request: GetBehavior.Request) -> tuple[Choices, int, float]:
-        """Return the cell that a request selects, and its elite's distance to the wanted descriptor.
+        """Return the candidates, the cell that a request selects, and its elite's distance to the wanted descriptor.
 
         Raises:
-            RequestError: The request makes no sense.
+            RequestError: The request is invalid.
             ArchiveError: Its descriptor or cell does not fit the archive.
             NotFoundError: No elite fits.
         """
@@ -146,12 +146,12 @@ class RepertoireServices:
     def _choices(
         self, request: GetBehavior.Request | GetBehaviors.Request | ListBehaviors.Request
     ) -> Choices:
-        """Return the elites to choose from, judged as a request wants them.
+        """Return the elites to choose from, judged as the request demands.
 
         Raises:
-            RequestError: It demands means or a share of falls, but the file of re-evaluations cannot be used; or a
-                limit makes no sense.
-            NotFoundError: By their means, but none was re-evaluated.
+            RequestError: The request demands means or a share of falls, but the file of re-evaluations cannot be used;
+                or a limit is invalid.
+            NotFoundError: The request demands means, but no elite was re-evaluated.
         """
         demands = demands_of(request)
         try:
@@ -159,7 +159,7 @@ class RepertoireServices:
         except StorageError as error:
             if demands.judging is Judging.MEAN or demands.limits_falls:
                 raise RequestError(f"by_mean cannot be answered: {error}") from None
-            # What cannot be read must not keep a behavior from being served.
+            # Behaviors can be served without the re-evaluations.
             self._node.get_logger().warning(str(error), once=True)
             known = Statistics.none(self.archive.cells, self.archive.dimensions)
         return Choices(self.archive, known, self._spec.descriptor_names, demands)

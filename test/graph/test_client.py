@@ -214,7 +214,7 @@ def test_blocking_in_a_callback_works_with_a_multithreaded_executor(
 
 def test_a_missing_service_is_reported_by_name(nobody: Context, robots: Robots) -> None:
     client = RepertoireClient(robots.node(nobody), timeout=SHORT)
-    words = r"Service /repertoire/get_behavior was not there within 0\.3 s"
+    words = r"Service /repertoire/get_behavior was not available within 0\.3 s"
     with pytest.raises(RepertoireTimeoutError, match=words):
         client.get_behavior(best=True)
 
@@ -222,7 +222,7 @@ def test_a_missing_service_is_reported_by_name(nobody: Context, robots: Robots) 
 def test_a_missing_service_ends_a_future_too(nobody: Context, robots: Robots) -> None:
     node = robots.node(nobody)
     robots.spin(node)
-    with pytest.raises(RepertoireTimeoutError, match="/repertoire/get_info was not there"):
+    with pytest.raises(RepertoireTimeoutError, match="/repertoire/get_info was not available"):
         outcome(RepertoireClient(node).get_info_async(timeout=SHORT))
 
 
@@ -260,7 +260,7 @@ def test_the_error_for_a_hanging_service_differs(
     client.get_info()
     repertoire.manager.signal(signal.SIGSTOP)
     try:
-        with pytest.raises(RepertoireTimeoutError, match=r"gave no answer within 0\.3 s"):
+        with pytest.raises(RepertoireTimeoutError, match=r"did not respond within 0\.3 s"):
             client.get_behavior(best=True, timeout=SHORT)
     finally:
         repertoire.manager.signal(signal.SIGCONT)
@@ -299,7 +299,9 @@ def test_many_requests_to_a_busy_server_are_all_answered(
 def test_the_error_for_an_executor_that_does_not_spin_differs(client: RepertoireClient) -> None:
     executor = SingleThreadedExecutor(context=client._node.context)
     executor.add_node(client._node)
-    with pytest.raises(RepertoireTimeoutError, match="executor of node 'robot' took no answer"):
+    with pytest.raises(
+        RepertoireTimeoutError, match="executor of node 'robot' handled no response"
+    ):
         client.get_behavior(best=True, timeout=SHORT)
 
 

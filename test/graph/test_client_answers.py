@@ -34,7 +34,7 @@ def test_a_descriptor_of_the_wrong_length_is_reported(client: RepertoireClient) 
 @pytest.mark.parametrize(
     ("wanted", "words"),
     [
-        ({}, "exactly one way.*given: none"),
+        ({}, "exactly one of.*given: none"),
         ({"best": True, "cell": 3}, "given: cell, best"),
         ({"descriptor": [0.5, float("nan")]}, "descriptor is or holds nan"),
         ({"descriptor": ["left"]}, "descriptor is or holds 'left'"),

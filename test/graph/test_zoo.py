@@ -81,7 +81,7 @@ def test_a_client_serves_it_itself_and_leaves_nothing_behind(
         RepertoireClient(probe.node, repertoire="zoo/tiny_waker")
     with pytest.raises(StorageError, match="There is no repertoire 'nowhere'"):
         RepertoireClient(probe.node, repertoire="nowhere")
-    with pytest.raises(RequestError, match="give one of them"):
+    with pytest.raises(RequestError, match="give only one"):
         RepertoireClient(probe.node, "/left", repertoire="zoo/tiny_walker")
 
 
