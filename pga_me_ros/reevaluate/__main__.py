@@ -28,23 +28,23 @@ from pga_me_ros.reevaluate.workers import Job, SimulatedWorld, evaluated
 from pga_me_ros.tasks.registry import randomization_option, task_spec
 
 PIECE = 10
-"""Repeats of one elite that a process does at a time."""
+"""Repeats of one elite in a job."""
 
 LINE_PERIOD = 5.0
-"""Seconds between two lines of progress where standard error is no terminal."""
+"""Seconds between two lines of progress if standard error is not a terminal."""
 
 SAVE_PERIOD = 10.0
-"""Seconds between two writes of what was found so far."""
+"""Seconds between two writes of the outcomes so far."""
 
 
 def main(args: Sequence[str] | None = None) -> int:
-    """Evaluate elites again, store the outcomes, print what they say.
+    """Re-evaluate elites, store the outcomes, print a summary.
 
     Args:
         args: Command line without the program's name, None for the process's own.
 
     Returns:
-        Exit status, as `run_program`; after Ctrl-C, what was found until then is stored.
+        Exit status, as `run_program`. Ctrl-C keeps the outcomes so far.
     """
     options = _parser().parse_args(args)
 
@@ -71,23 +71,23 @@ def reevaluate(
     bests: bool = False,
     randomization: str | None = None,
 ) -> str:
-    """Evaluate elites until each has so many repeats; those that are there already are not done again.
+    """Re-evaluate elites until each has the given number of repeats; stored repeats count.
 
     Args:
         run: Folder of the run, or its repertoire file. The repertoire is only read, and may be growing.
-        repeats: Wanted repeats of each elite.
-        best: Only so many of the fittest elites, None for all.
-        processes: Processes to use, 0 for one per core.
-        bests: Whether to evaluate the best controller of every generation in place of the elites there are now.
-        randomization: What is another in each episode, None for what the run says, empty for nothing. Outcomes in
-            another world than the run's are stored in a file of their own, and change nothing about what is served.
+        repeats: Wanted number of repeats of each elite.
+        best: Number of fittest elites to re-evaluate, None for all.
+        processes: Number of processes, 0 for one per core.
+        bests: Whether to re-evaluate the best controller of every generation instead of the current elites.
+        randomization: What varies from episode to episode; None for the run's setting, empty for nothing. If it differs
+            from the run's, the outcomes go to a separate file and do not affect what is served.
 
     Returns:
-        What the statistics say, in words.
+        A summary of the statistics.
 
     Raises:
         StorageError: The run cannot be read, holds no behavior yet, or the outcomes cannot be stored.
-        RequestError: A number makes no sense, or the best controllers are not known.
+        RequestError: A number is out of range, or the best controllers are unknown.
         TaskError: The run's task does not start.
     """
     numbers = {"repeats": (repeats, 1), "best": (best, 1), "processes": (processes, 0)}
@@ -102,13 +102,13 @@ def reevaluate(
     _require_same_task(info)
     if bests and not on_the_way:
         raise RequestError(
-            f"'{file}' does not tell which controllers were the best ones (an older program stored it); omit --bests."
+            f"'{file}' does not say which controllers were the best ones (an older version stored it); omit --bests."
         )
     own = stored.settings.randomization
     world = SimulatedWorld(
         stored.settings.task, own if randomization is None else randomization.strip()
     )
-    randomization_option(world.task, world.randomization)  # refuses what makes no sense
+    randomization_option(world.task, world.randomization)  # refuses invalid text
     elsewhere = None if world.randomization == own else world.randomization
     if bests and elsewhere is not None:
         raise RequestError("--bests is about the run's own world; leave out --randomization.")
@@ -143,7 +143,7 @@ def luck(metrics: Sequence[Metrics], rows: Reevaluations, repeats: int) -> str:
 
 
 def summary(archive: Archive, known: Statistics) -> str:
-    """Return what statistics say about an archive's elites, some of which were re-evaluated, in words."""
+    """Return a summary of the statistics of an archive's elites, at least one of which was re-evaluated."""
     measured = corrected_metrics(archive, known)
     assert measured is not None
     best = known.as_elites(archive).best()
@@ -158,7 +158,7 @@ def summary(archive: Archive, known: Statistics) -> str:
 
 
 def _require_same_task(info: RunInfo) -> None:
-    """Make sure that what is simulated is what the elites were found in."""
+    """Check that the task is the one that the elites were found in."""
     own, now = info.task, task_spec(info.settings["task"]).to_json()
     changed = changed_fields(own, now)
     if changed:
@@ -167,7 +167,7 @@ def _require_same_task(info: RunInfo) -> None:
             f"{', '.join(changed)}. Use the version of the task that the run was made with."
         )
     for difference in info.version_differences(library_versions()):
-        print(f"note: not the library that the run was made with: {difference}", file=sys.stderr)
+        print(f"note: library version differs from the run's: {difference}", file=sys.stderr)
 
 
 def _carry_out(
@@ -177,7 +177,7 @@ def _carry_out(
     chosen: dict[int, Float32Array],
     processes: int,
 ) -> None:
-    """Do what is missing; what is done is stored on the way."""
+    """Do the missing repeats, and store the outcomes from time to time."""
     total, done, saved = len(work.missing), 0, -math.inf
     if not total:
         return
@@ -204,7 +204,7 @@ def _carry_out(
 
 
 def _jobs(chosen: dict[int, Float32Array], missing: list[tuple[int, int]]) -> list[Job]:
-    """Return what is missing in pieces that are done in seconds, so that little is lost when it is cut off."""
+    """Split the missing repeats into jobs of a few seconds, so that an interruption loses little."""
     wanted: dict[int, list[int]] = {}
     for evaluation, repeat in missing:
         wanted.setdefault(evaluation, []).append(repeat)
@@ -238,7 +238,7 @@ class _Progress:
             self._due = time.monotonic() + LINE_PERIOD
 
     def close(self) -> None:
-        """Leave the line."""
+        """End the line."""
         if self._in_place:
             tell("", sys.stderr)
 
@@ -246,9 +246,9 @@ class _Progress:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="reevaluate",
-        description="Evaluate the elites of a run again from other initial poses, and store the outcomes next to its "
-        "repertoire: behaviors then carry mean, spread and share of falls, and the corrected archive is known. More "
-        "repeats may be added at any time.",
+        description="Re-evaluate the elites of a run from other initial poses, and store the outcomes next to its "
+        "repertoire. Behaviors then have a mean, a spread and a share of falls, and the corrected archive is known. "
+        "More repeats can be added at any time.",
     )
     parser.add_argument(
         "run", type=user_path, metavar="RUN", help="folder of a run, or repertoire file"
@@ -264,11 +264,11 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--randomization",
         metavar="TEXT",
-        help="what is another in each episode, such as 'friction 0.4 0.8, mass 0.8 1.2' or '' for nothing, in place of "
-        "what the run says; the outcomes go to a file of their own and change nothing about what is served",
+        help="what varies from episode to episode instead of the run's setting, such as 'friction 0.4 0.8, mass 0.8 "
+        "1.2', or '' for nothing; the outcomes go to a separate file and do not affect what is served",
     )
     parser.add_argument(
-        "--processes", type=int, default=0, metavar="N", help="to use; 0, the default: one per core"
+        "--processes", type=int, default=0, metavar="N", help="number of processes; 0: one per core"
     )
     return parser
 

@@ -1,4 +1,4 @@
-"""Processes that evaluate elites again, one per core."""
+"""Worker processes that re-evaluate elites."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from pga_me_ros.tasks.registry import make_task
 from pga_me_ros.tasks.rollout import rollout
 
 THREADS = "OPENBLAS_NUM_THREADS"
-"""As evaluators have it: threads would wait for each other longer than such small products take."""
+"""Set to 1, as for evaluators: synchronizing threads costs more than such small matrix products."""
 
 
 @dataclass(frozen=True)
@@ -44,11 +44,11 @@ class Job:
 
 @dataclass(frozen=True)
 class SimulatedWorld:
-    """What controllers are simulated in.
+    """The task that controllers are simulated in.
 
     Attributes:
-        task: Task, as `make_task` takes it.
-        randomization: What is another in each episode, empty for nothing.
+        task: Task, as for `make_task`.
+        randomization: What varies from episode to episode, empty for nothing.
     """
 
     task: str
@@ -56,10 +56,10 @@ class SimulatedWorld:
 
 
 class Evaluator:
-    """What a process keeps from one job to the next: a simulator, made on first use.
+    """A worker's simulator, kept from job to job.
 
     Args:
-        world: What they are simulated in.
+        world: Task to simulate.
         shape: Layers of the controllers.
         seed: Seed of the run.
     """
@@ -88,11 +88,11 @@ _evaluator: Evaluator | None = None
 
 def _begin() -> None:
     """Prepare a process of the pool."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches all; the parent ends the work
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches all; the parent stops the pool
 
 
 def _evaluate(job: Job, world: SimulatedWorld, shape: MlpShape, seed: int) -> list[RepeatOutcome]:
-    # Made in the first job, not in _begin: what is wrong with a task then comes back as its own error.
+    # Made in the first job, not in _begin, so that a task's error reaches the parent.
     global _evaluator
     if _evaluator is None:
         _evaluator = Evaluator(world, shape, seed)
@@ -107,11 +107,11 @@ def evaluated(
     The outcomes do not depend on the number of processes.
 
     Args:
-        jobs: What to do.
-        world: What they are simulated in.
+        jobs: Jobs to do.
+        world: Task to simulate.
         shape: Layers of the controllers.
         seed: Seed of the run.
-        processes: How many, at least 1.
+        processes: Number of processes, at least 1.
 
     Raises:
         TaskError: The task does not start or breaks its protocol.
@@ -124,8 +124,8 @@ def evaluated(
             yield from _results(pool, calls, 2 * processes)
         except BrokenProcessPool:
             raise PgaError(
-                "A process that evaluates was killed, perhaps for lack of memory; run it again, with fewer "
-                "--processes. What was done is kept."
+                "A worker process was killed, perhaps for lack of memory; run the command again with fewer "
+                "--processes. The outcomes so far are kept."
             ) from None
         finally:
             pool.shutdown(cancel_futures=True)
@@ -134,7 +134,7 @@ def evaluated(
 def _results(
     pool: ProcessPoolExecutor, calls: Iterator[Callable[[], list[RepeatOutcome]]], ahead: int
 ) -> Iterator[list[RepeatOutcome]]:
-    """Yield results with so many calls under way; more would only wait in memory."""
+    """Yield results with at most `ahead` pending calls; more would only take memory."""
     running: set[Future[list[RepeatOutcome]]] = {pool.submit(call) for call in islice(calls, ahead)}
     while running:
         done, running = wait(running, return_when=FIRST_COMPLETED)
@@ -145,7 +145,7 @@ def _results(
 
 @contextlib.contextmanager
 def _setting(name: str, value: str) -> Iterator[None]:
-    """Set a variable of the environment, for children to inherit."""
+    """Set an environment variable for child processes to inherit."""
     before = os.environ.get(name)
     os.environ[name] = value
     try:

@@ -1,6 +1,6 @@
 """``ros2 run pga_me_ros report RUN...``: archive, lineage and learning curves of stored runs, and a table.
 
-Of an experiment's folder, or with --compare: systems side by side, with medians and p-values.
+For an experiment's folder, or with --compare: systems side by side, with medians and p-values.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ COLUMNS = {
     "QD-score": "{:,.0f}",
     "best fitness": "{:,.0f}",
 }
-"""Columns of numbers of the table, and how they are written."""
+"""Number columns of the table, and their formats."""
 
 CORRECTED = {
     "re-evaluations": "{:,.0f}",
@@ -40,23 +40,23 @@ CORRECTED = {
     "descriptor error": "{:.3f}",
     "falls": "{:.1%}",
 }
-"""Further columns where elites were evaluated again."""
+"""Further columns for runs whose elites were re-evaluated."""
 
 CORRECTED_NOTE = (
-    "Corrected: all elites evaluated again from other initial poses, at least so many times each, and put into an "
-    "empty archive by their means (Flageat & Cully 2023). Fitness difference and descriptor error: from the evaluation "
-    "that elites were found with to these means, averaged over the elites. Falls: share of these evaluations."
+    "Corrected: all elites re-evaluated from other initial poses, each at least the given number of times, and added "
+    "to an empty archive by their means (Flageat & Cully 2023). Fitness difference and descriptor error: between the "
+    "original evaluation and these means, averaged over the elites. Falls: share of re-evaluations that ended in one."
 )
 
 
 def table(runs: list[StoredRun], *, paper: bool = False) -> str:
-    """Return the final metrics of runs as a Markdown table, with medians where a task has several of an algorithm.
+    """Return the final metrics of runs as a Markdown table, with medians if an algorithm has several runs on a task.
 
-    With `paper`, the authors' medians follow them, at the last published number of evaluations that all of these runs
-    have reached.
+    With `paper`, the authors' medians follow, at the last published number of evaluations that all these runs have
+    reached.
 
-    Corrected measures are there for runs whose elites were all evaluated again; they count the mean of an elite's
-    re-evaluations, where the columns before them count the single evaluation that it was found with.
+    Runs whose elites were all re-evaluated also get corrected metrics, which use the mean of an elite's re-evaluations
+    instead of its original, single evaluation.
     """
     again = any(run.corrected for run in runs)
     formats = COLUMNS | CORRECTED if again else COLUMNS
@@ -75,7 +75,7 @@ def table(runs: list[StoredRun], *, paper: bool = False) -> str:
 def _rows(
     names: tuple[str, str], group: Sequence[StoredRun], formats: Mapping[str, str]
 ) -> Iterator[str]:
-    """Yield a line for each run of an algorithm on a task, and one for the medians of those that are whole."""
+    """Yield a line for each run of an algorithm on a task, and one for the medians of the runs that are not thinned."""
     rows = np.array([_numbers(run)[: len(formats)] for run in group])
     for run, row in zip(group, rows, strict=True):
         part = " (thinned)" if run.is_thinned else ""
@@ -88,7 +88,7 @@ def _rows(
 
 
 def elsewhere(runs: Sequence[StoredRun]) -> Iterator[str]:
-    """Yield a Markdown table of what elites are worth where other things are randomized than in their run."""
+    """Yield a Markdown table of corrected metrics under other randomizations than the run's own."""
     heads = [
         "task",
         "seed",
@@ -128,7 +128,7 @@ def _published(
 
 
 def _numbers(run: StoredRun) -> list[float]:
-    """Return a run's numbers in the order of the columns, NaN where one is not known."""
+    """Return a run's numbers in the order of the columns, NaN for unknown ones."""
     last, m = run.metrics[-1], run.corrected
     numbers = [last.evaluations, last.coverage, last.qd_score, last.max_fitness]
     if m is None:
@@ -159,7 +159,7 @@ def main() -> int:
     parser.add_argument(
         "--compare",
         action="store_true",
-        help="compare the systems of the runs; the folder of an experiment always is compared",
+        help="compare the systems of the runs; an experiment's folder is always compared",
     )
     parser.add_argument(
         "--out", type=user_path, default=Path("report"), help="folder for the pictures (report)"
@@ -167,12 +167,12 @@ def main() -> int:
     parser.add_argument(
         "--paper",
         action="store_true",
-        help="add the medians that the authors of PGA-MAP-Elites published, to the curves and to the table",
+        help="add the medians published by the authors of PGA-MAP-Elites to the curves and the table",
     )
     parser.add_argument(
         "--single",
         action="store_true",
-        help="draw archives by the single evaluation that elites were found with, also where they were evaluated again",
+        help="draw archives by the elites' original, single evaluations, even if they were re-evaluated",
     )
     arguments = parser.parse_args()
 
@@ -206,10 +206,10 @@ def main() -> int:
 
 
 def compared(paths: list[Path], *, asked: bool) -> Comparison | None:
-    """Return the comparison of an experiment or of runs, None where there is nothing to compare.
+    """Return the comparison of an experiment or of runs, None if none is requested.
 
     Raises:
-        RequestError: Paths are mixed, or the runs cannot be compared.
+        RequestError: An experiment is given together with other paths, or the runs cannot be compared.
         StorageError: A run cannot be read.
     """
     experiments = [path for path in paths if is_experiment(path)]
@@ -223,10 +223,10 @@ def compared(paths: list[Path], *, asked: bool) -> Comparison | None:
 
 
 def _require_published(tasks: Iterable[str], *, asked: bool) -> None:
-    """Say on which tasks there are no published medians.
+    """Print a note on tasks without published medians.
 
     Raises:
-        RequestError: There are none at all.
+        RequestError: None of the tasks has published medians.
     """
     tasks = list(dict.fromkeys(tasks))
     unknown = [task for task in tasks if task not in TASKS]
@@ -243,7 +243,7 @@ def _require_published(tasks: Iterable[str], *, asked: bool) -> None:
 def draw_comparison(
     comparison: Comparison, folder: Path, *, paper: bool = False, single: bool = False
 ) -> list[Path]:
-    """Draw Figure 3 and Figure 4 of the paper, with the authors' medians if they are asked for; returns the files."""
+    """Draw Figures 3 and 4 of the paper, on request with the authors' medians; returns the files."""
     from pga_me_ros.report.comparison_pictures import draw_archives_compared, draw_curves_compared
 
     curves = draw_curves_compared(comparison, folder, paper=paper)
@@ -253,15 +253,15 @@ def draw_comparison(
 def draw(
     runs: list[StoredRun], folder: Path, *, single: bool = False, paper: bool = False
 ) -> list[Path]:
-    """Draw an archive and a lineage per run, and learning curves of whole runs per task; returns the files.
+    """Draw an archive and a lineage per run, and learning curves per task of runs not thinned; returns the files.
 
     Args:
         runs: The runs.
-        folder: Where to.
-        single: Whether archives are drawn by single evaluations though means are known.
+        folder: Folder of the files.
+        single: Whether archives are drawn by single evaluations even if means are known.
         paper: Whether the authors' medians are drawn under the curves.
     """
-    # matplotlib takes a second to import: errors in what was asked for come first.
+    # matplotlib takes a second to import: errors in the arguments come first.
     from pga_me_ros.report.lineage import draw_lineage
     from pga_me_ros.report.pictures import draw_archive, draw_curves
 

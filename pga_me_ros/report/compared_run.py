@@ -1,4 +1,4 @@
-"""What a comparison reads of a run: its metrics of section 4.4 (Nilsson & Cully 2021) at every generation."""
+"""A run in a comparison: its metrics of section 4.4 (Nilsson & Cully 2021) at every generation."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Curve = Float64Array
 
 
 def _corrected_curves(run: StoredRun) -> dict[str, Curve]:
-    """Return measures by re-evaluations, NaN but for the generations whose archive was measured."""
+    """Return metrics from re-evaluations, NaN except at generations whose archive was re-evaluated."""
     sources = {"qd_score": "corrected_qd_score", "coverage": "corrected_coverage"}
     sources |= {"fall_share": "fall_share"}
     curves = {name: np.full(len(run.generations), np.nan) for name in sources.values()}
@@ -33,7 +33,7 @@ def _corrected_curves(run: StoredRun) -> dict[str, Curve]:
 
 @dataclass(frozen=True)
 class ComparedRun:
-    """A run without its archive: of hundreds, not all fit into memory.
+    """A run without its archive, since hundreds of archives would not fit into memory.
 
     Attributes:
         system: Name of the system.
@@ -44,7 +44,7 @@ class ComparedRun:
         evaluations: (generations,) float64 evaluations after each generation.
         lowest_fitness: Lowest fitness of an elite in any of its generations.
         curves: (generations,) float64 each: qd_score (without offset), coverage, max_fitness, fitness_difference,
-            corrected_qd_score (without offset), corrected_coverage and fall_share; NaN where one is not known.
+            corrected_qd_score (without offset), corrected_coverage and fall_share; NaN where unknown.
     """
 
     system: str
@@ -62,7 +62,7 @@ class ComparedRun:
 
         Args:
             path: Folder of the run, or its repertoire file.
-            system: Name of the system; empty takes the run's `algorithm`.
+            system: Name of the system; empty for the run's `algorithm`.
 
         Raises:
             StorageError: There is no run, it is damaged, or it has no generation yet.
@@ -72,7 +72,7 @@ class ComparedRun:
         if not metrics:
             raise StorageError(f"'{run.file}' holds no behavior yet; run it for longer first.")
         lowest = run.curve("min_fitness")
-        if np.isnan(lowest).any():  # an older program stored it: what is left of it tells
+        if np.isnan(lowest).any():  # older versions don't store it: use the final archive, too
             lowest = np.append(lowest, run.archive.min_fitness)
         names = ("qd_score", "coverage", "max_fitness")
         curves = {n: run.curve(n) for n in names}
@@ -90,14 +90,14 @@ class ComparedRun:
 
     @property
     def is_corrected(self) -> bool:
-        """Whether all elites of its last generation were evaluated again."""
+        """Whether all elites of its last generation were re-evaluated."""
         return bool(np.isfinite(self.curves["corrected_qd_score"][-1]))
 
     def load_archive(self, *, corrected: bool = False) -> Archive:
         """Return the archive after the last generation.
 
         Args:
-            corrected: Whether it is to be the one that re-evaluations of its elites make of it.
+            corrected: Whether to return the corrected archive, from re-evaluations of its elites.
 
         Raises:
             StorageError: The run is damaged.
@@ -106,7 +106,7 @@ class ComparedRun:
         return corrected_archive(run.archive, run.statistics) if corrected else run.archive
 
     def at(self, evaluations: Curve, metric: str, offset: float) -> Curve:
-        """Return a metric as it was after so many evaluations: that of the last generation within them.
+        """Return a metric after given numbers of evaluations: its value at the last generation within each.
 
         Args:
             evaluations: (n,) numbers of evaluations, none below those of the first generation.

@@ -23,17 +23,17 @@ METRICS = {
     "max_fitness": "max fitness",
     "fitness_difference": "fitness difference",
 }
-"""Metrics of section 4.4 in the order of Figure 3 (Nilsson & Cully 2021), and what they are called."""
+"""Metrics of section 4.4 in the order of Figure 3 (Nilsson & Cully 2021), and their labels."""
 
 CORRECTED = {
     "corrected_qd_score": "corrected QD-score",
     "corrected_coverage": "corrected coverage",
     "fall_share": "falls",
 }
-"""Measures by re-evaluations of the elites of the last generation (Flageat & Cully 2023), and what they are called."""
+"""Metrics from re-evaluations of the last generation's elites (Flageat & Cully 2023), and their labels."""
 
 PERMUTATIONS = 20_000
-"""Ways to deal out the values of two samples that are all gone through; of more, the normal approximation is good."""
+"""Largest number of permutations for the exact test; beyond it, the normal approximation is good enough."""
 
 
 @dataclass(frozen=True)
@@ -43,8 +43,8 @@ class TaskComparison:
     Attributes:
         task: Name of the task.
         systems: Runs by system.
-        evaluations: Evaluations that all of them have reached.
-        offset: Lowest fitness of all of them; QD-scores are measured from it.
+        evaluations: Number of evaluations that all runs have reached.
+        offset: Lowest fitness of all runs; QD-scores are measured from it.
     """
 
     task: str
@@ -53,7 +53,7 @@ class TaskComparison:
     offset: float
 
     def final(self, system: str, metric: str) -> Curve:
-        """Return a metric of a system's runs after `evaluations`: (runs,) float64, without what is not known."""
+        """Return a metric of a system's runs after `evaluations`: (runs,) float64, without unknown values."""
         at = np.array([self.evaluations])
         values = [run.at(at, metric, self.offset)[0] for run in self.systems[system]]
         return np.array([value for value in values if not math.isnan(value)])
@@ -66,7 +66,7 @@ class TaskComparison:
         return grid, np.stack([run.at(grid, metric, self.offset) for run in runs])
 
     def typical(self, system: str) -> ComparedRun:
-        """Return the run with the median QD-score, of an even number the lower one of the two in the middle."""
+        """Return the run with the median QD-score; of an even number, the lower of the middle two."""
         runs = self.systems[system]
         at = np.array([self.evaluations])
         scores = [run.at(at, "qd_score", self.offset)[0] for run in runs]
@@ -76,12 +76,12 @@ class TaskComparison:
 
 @dataclass(frozen=True)
 class Comparison:
-    """All that is compared.
+    """A comparison of systems on several tasks.
 
     Attributes:
-        tasks: By task.
-        reference: System that the p-values are against.
-        missing: Runs that should be there but are not, in words.
+        tasks: Comparison on each task.
+        reference: System that p-values compare with.
+        missing: Missing runs, in words.
     """
 
     tasks: list[TaskComparison]
@@ -90,7 +90,7 @@ class Comparison:
 
     @property
     def metrics(self) -> dict[str, str]:
-        """The metrics that are known of any run, and what they are called."""
+        """Metrics that are known for at least one run, and their labels."""
         known = any(
             len(task.final(system, metric))
             for task in self.tasks
@@ -107,11 +107,11 @@ def compare(
 
     Args:
         runs: The runs.
-        reference: System that the p-values are against.
-        missing: Runs that should be there but are not, in words.
+        reference: System that p-values compare with.
+        missing: Missing runs, in words.
 
     Raises:
-        RequestError: There is no run, a run is given twice, or runs of different tasks have one name.
+        RequestError: There is no run, a run is given twice, or different tasks have the same name.
     """
     if not runs:
         first = f"; {len(missing)} are missing, the first: {missing[0]}" if missing else ""
@@ -134,7 +134,7 @@ def compare(
 
 def _task_comparison(task: str, systems: dict[str, list[ComparedRun]]) -> TaskComparison:
     runs = [run for own in systems.values() for run in own]
-    # Optional fields tell more, not something else: runs of older versions lack them.
+    # Optional fields only add information, and runs of older versions lack them: ignore them.
     known = [{k: v for k, v in vars(run.spec).items() if k not in OPTIONAL_FIELDS} for run in runs]
     other = next((run for run, own in zip(runs, known, strict=True) if own != known[0]), None)
     if other:
@@ -156,7 +156,7 @@ def is_experiment(path: Path) -> bool:
 
 
 def compare_experiment(folder: Path) -> Comparison:
-    """Compare the finished runs of an experiment; unfinished ones are named, not compared.
+    """Compare the finished runs of an experiment, and list the unfinished ones.
 
     Raises:
         SettingsError: The experiment file is invalid.
@@ -186,9 +186,9 @@ def compare_experiment(folder: Path) -> Comparison:
 def rank_sum_p(first: Sequence[float] | Curve, second: Sequence[float] | Curve) -> float:
     """Return the two-sided p-value of the Wilcoxon rank-sum test (section 4.4), NaN for an empty sample.
 
-    Exact for small samples, ties or not: all ways to deal out the ranks are gone through, and the smaller tail is
-    doubled. With three runs each it can't fall below 0.1, as 2 of the 20 ways to deal out six ranks are the most
-    extreme ones; the normal approximation, which is taken for many runs, would claim 0.05.
+    Exact for small samples, with or without ties: it enumerates all permutations of the ranks and doubles the smaller
+    tail. With three runs each, p cannot be below 0.1, since 2 of the 20 ways to split six ranks are the most extreme;
+    the normal approximation, which is used for many runs, would give 0.05.
 
     Args:
         first: Numbers.
@@ -203,5 +203,5 @@ def rank_sum_p(first: Sequence[float] | Curve, second: Sequence[float] | Curve) 
         return float(mannwhitneyu(first, second, method="asymptotic").pvalue)
     ranks = rankdata([*first, *second])  # ties share the mean of their ranks
     sums = np.array([sum(dealt) for dealt in combinations(ranks, n)])
-    # Ranks are whole or half numbers: these sums are exact, and equal ones equal.
+    # Ranks are multiples of 0.5, so the sums are exact and can be compared for equality.
     return float(min(1.0, 2 * min(np.mean(sums <= sums[0]), np.mean(sums >= sums[0]))))

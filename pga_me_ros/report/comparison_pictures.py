@@ -1,4 +1,4 @@
-"""The pictures of a comparison: Figure 3 and Figure 4 (Nilsson & Cully 2021) of one's own runs."""
+"""The pictures of a comparison: Figures 3 and 4 (Nilsson & Cully 2021) for the user's runs."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ def draw_curves_compared(
     """Draw four metrics on every task: median and quartiles of each system's runs; returns the files.
 
     Args:
-        comparison: What is compared.
-        folder: Where to.
+        comparison: The comparison.
+        folder: Folder of the files.
         paper: Whether to draw the authors' published medians of the systems' algorithms under them.
     """
     tasks = comparison.tasks
@@ -70,7 +70,7 @@ def _draw_metric(
     known = False
     for system in task.systems:
         evaluations, values = task.curve(system, metric)
-        # A metric that is unknown somewhere in a run leaves a gap; one that is unknown everywhere, no line.
+        # Unknown values leave a gap; a metric without any known value gets no line.
         there = ~np.isnan(values).any(axis=0)
         if not there.any():
             continue
@@ -84,7 +84,7 @@ def _draw_metric(
                 evaluations, quartiles[0], quartiles[2], color=color, alpha=0.2, linewidth=0
             )
     if not known:
-        axes.text(0.5, 0.5, "not evaluated again", transform=axes.transAxes, ha="center")
+        axes.text(0.5, 0.5, "not re-evaluated", transform=axes.transAxes, ha="center")
     axes.grid(alpha=0.3)
     axes.spines[["top", "right"]].set_visible(False)
 
@@ -92,10 +92,9 @@ def _draw_metric(
 def draw_archives_compared(
     comparison: Comparison, folder: Path, *, single: bool = False
 ) -> list[Path]:
-    """Draw an archive of every system side by side, a task a file and one color scale in each; returns the files.
+    """Draw an archive of every system side by side, in one picture per task with one color scale; returns the files.
 
-    Where the elites of all of them were evaluated again, they are the corrected archives, unless `single` evaluations
-    are asked for.
+    If the elites of all these runs were re-evaluated, it draws the corrected archives, unless `single` is set.
     """
     files = []
     for task in comparison.tasks:
@@ -124,7 +123,7 @@ def _draw_archives(task: TaskComparison, folder: Path, *, single: bool) -> list[
         image = draw_heatmap(archive, PIXELS, low, high)
         axes.imshow(image, extent=extent, aspect="auto", interpolation="nearest")
         label_axes(axes, runs[system].spec.descriptor_names)
-        # All have the same axes: what they are is said once.
+        # All have the same axes, so they are labeled once.
         figure.supxlabel(axes.get_xlabel(), fontsize=10)
         figure.supylabel(axes.get_ylabel(), fontsize=10)
         axes.set(xlabel="", ylabel="")

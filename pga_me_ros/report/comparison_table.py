@@ -1,4 +1,4 @@
-"""The comparison in words: a Markdown table of medians and p-values, and what it does not say."""
+"""The comparison as a Markdown table of medians and p-values, with notes."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ import numpy as np
 from pga_me_ros.report.comparison import METRICS, Comparison, TaskComparison, rank_sum_p
 
 CORRECTED_NOTE = (
-    "Corrected: all elites of the last generation evaluated again and put into an empty archive by their means; falls: "
-    "share of these evaluations that ended in one."
+    "Corrected: all elites of the last generation re-evaluated and added to an empty archive by their means; falls: "
+    "share of re-evaluations that ended in one."
 )
 
 
@@ -28,7 +28,7 @@ def comparison_table(comparison: Comparison) -> str:
     lines += [
         "",
         "Medians of the runs; p: two-sided Wilcoxon rank-sum test of the runs against those of "
-        f"{comparison.reference}, exact for few runs. Fitness difference: the best controller's one evaluation "
+        f"{comparison.reference}, exact for few runs. Fitness difference: the best controller's single evaluation "
         "minus the mean of 10 more." + (f" {CORRECTED_NOTE}" if metrics != METRICS else ""),
         "",
     ]

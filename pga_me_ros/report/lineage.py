@@ -1,4 +1,4 @@
-"""Lineage: which operator made the elites of an archive, where they are, and when they were made."""
+"""Lineage: which operator made each elite of an archive, where it is, and when it was made."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ COLORS = (
     *("#999999", "#e69f00", "#0072b2", "#000000", "#cc79a7", "#56b4e9", "#d55e00", "#009e73"),
     *("#f0e442", "#882255"),
 )
-"""Colors that the color-blind tell apart (Okabe and Ito), by operator; more operators than these share them."""
+"""Colorblind-safe colors (Okabe and Ito), by operator; further operators reuse them."""
 
 MARKS = ("D", "^", "o", "*", "s", "v", "<", ">", "P")
-"""Marks by operator, so that color is not all that tells them apart."""
+"""Markers by operator, so that operators differ by more than color."""
 
 BARS = 40
-"""About as many bars; each is of one or more whole generations."""
+"""Approximate number of bars; each covers one or more whole generations."""
 
 
 def look(operator: int) -> tuple[str, str]:
-    """Return the color and the mark of an operator; no two of 81 operators have both in common."""
+    """Return the color and the marker of an operator; the pair is unique among 81 operators."""
     turn, place = divmod(operator, len(COLORS))
     return COLORS[place], MARKS[(place + turn) % len(MARKS)]
 
@@ -38,7 +38,7 @@ def draw_lineage(run: StoredRun, folder: Path) -> list[Path]:
 
     Args:
         run: The run.
-        folder: Where to.
+        folder: Folder of the files.
 
     Returns:
         The files.
@@ -58,7 +58,7 @@ def draw_lineage(run: StoredRun, folder: Path) -> list[Path]:
 
 
 def _draw_where(axes: Axes, run: StoredRun, made: dict[Operator, list[Elite]]) -> None:
-    """One mark per elite: its first two descriptors, or its only one and its fitness."""
+    """Draw a marker per elite: its first two descriptor entries, or its only one against its fitness."""
     for operator, elites in made.items():
         color, mark = look(operator)
         points = np.array([elite.descriptor for elite in elites])
@@ -80,7 +80,7 @@ def _draw_where(axes: Axes, run: StoredRun, made: dict[Operator, list[Elite]]) -
 
 
 def _draw_when(axes: Axes, run: StoredRun, made: dict[Operator, list[Elite]]) -> None:
-    # Whole generations: with part of one, greedy controllers, each the first of its batch, would make a comb.
+    # Bars cover whole generations: otherwise greedy controllers, first in each batch, would make a comb pattern.
     ends = [0, *(metrics.evaluations for metrics in run.metrics)]
     edges = ends[:: max(1, len(ends) // BARS)]
     edges += [ends[-1]] if edges[-1] != ends[-1] else []

@@ -1,4 +1,4 @@
-"""The authors' published medians (Nilsson & Cully 2021), to be drawn under one's own curves; see paper_curves.csv."""
+"""The authors' published medians (Nilsson & Cully 2021), to draw under the user's curves; see paper_curves.csv."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ TASKS = {
     "qd_ant": "QDAnt",
     "qd_hopper": "QDHopper",
 }
-"""Their names of our tasks."""
+"""Their names for our tasks."""
 
 SYSTEMS = {
     "pga_map_elites": "PGA-MAP-Elites",
@@ -29,10 +29,10 @@ SYSTEMS = {
     "map_elites_es": "MAP-Elites-ES",
     "qd_rl": "QD-RL",
 }
-"""Their names of our algorithms."""
+"""Their names for our algorithms."""
 
 QUANTITIES = {"qd_score": "sum_fitness", "coverage": "coverage", "max_fitness": "max_fitness"}
-"""Their names of our metrics; our QD-score is without an offset, unless a comparison gives it one."""
+"""Their names for our metrics; our QD-score has no offset, except in a comparison."""
 
 LABEL = "authors' median of 20 seeds"
 
@@ -44,7 +44,7 @@ class PaperCurve:
     Attributes:
         evaluations: (n,) float64, ascending.
         median: (n,) float64.
-        plus_minus: (n,) float64 error of reading them off a figure, 0 for those of a table.
+        plus_minus: (n,) float64 error of reading the medians off a figure, 0 for those from a table.
     """
 
     evaluations: Float64Array
@@ -52,7 +52,7 @@ class PaperCurve:
     plus_minus: Float64Array
 
     def until(self, evaluations: float) -> PaperCurve:
-        """Return the curve up to a number of evaluations, its last piece cut there."""
+        """Return the curve up to a number of evaluations, interpolated at the end."""
         inside = self.evaluations <= evaluations
         at = self.evaluations[inside]
         if len(at) == len(self.evaluations) or (len(at) and at[-1] == evaluations) or not len(at):
@@ -66,7 +66,7 @@ class PaperCurve:
 
 
 def paper_curve(task: str, algorithm: str, metric: str, offset: float = 0.0) -> PaperCurve | None:
-    """Return what the authors published.
+    """Return the authors' published curve.
 
     Args:
         task: Name of the task, for example ``qd_hopper``.
@@ -75,7 +75,7 @@ def paper_curve(task: str, algorithm: str, metric: str, offset: float = 0.0) -> 
         offset: Fitness that QD-scores are measured from.
 
     Returns:
-        The curve, None where they published none.
+        The curve, None if they published none.
     """
     own = TASKS.get(task), SYSTEMS.get(algorithm), QUANTITIES.get(metric)
     curve = _curves().get(own)
@@ -87,7 +87,7 @@ def paper_curve(task: str, algorithm: str, metric: str, offset: float = 0.0) -> 
 
 
 def published_at(task: str, algorithm: str, evaluations: float) -> tuple[float, dict[str, float]]:
-    """Return the published medians at the greatest published number of evaluations that is not above a given one.
+    """Return the published medians at the greatest published number of evaluations up to a given one.
 
     Args:
         task: Name of the task.
@@ -95,7 +95,7 @@ def published_at(task: str, algorithm: str, evaluations: float) -> tuple[float, 
         evaluations: Number of evaluations.
 
     Returns:
-        That number, and the medians by metric; 0 and none where nothing was published that early.
+        That number, and the medians by metric; 0 and an empty dict if nothing was published that early.
     """
     curves = {metric: paper_curve(task, algorithm, metric) for metric in QUANTITIES}
     points = [
@@ -117,7 +117,7 @@ def _curves() -> dict[tuple[str | None, str | None, str | None], PaperCurve]:
     points: dict[tuple[str | None, str | None, str | None], list[tuple[float, float, float]]] = {}
     with FILE.open() as file:
         for row in csv.DictReader(line for line in file if not line.startswith("#")):
-            if row["median"]:  # else the line was hidden behind others
+            if row["median"]:  # empty where the curve was hidden behind others
                 point = tuple(float(row[n]) for n in ("evaluations", "median", "plus_minus"))
                 key = row["task"], row["system"], row["quantity"]
                 points.setdefault(key, []).append(point)  # type: ignore[arg-type]

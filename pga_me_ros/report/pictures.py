@@ -36,12 +36,12 @@ LOOKS: tuple[tuple[str, LineStyleType], ...] = (
     ("#d55e00", (0, (3, 1, 1, 1))),
     ("#000000", (0, (1, 1))),
 )
-"""Color and line by place of the system: colors that the color-blind tell apart (Okabe and Ito), and lines."""
+"""Color and line style of each system in turn; the colors are colorblind-safe (Okabe and Ito)."""
 
 PAPER_COLOR = "#707070"
 HALF = 0.5
 HATCH = 9
-"""Distance of the lines of a hatching along a side of a picture, pixels."""
+"""Spacing of the hatching lines along a side of the picture, pixels."""
 
 PIXELS = 960
 MARGIN = 0.06
@@ -54,13 +54,13 @@ mpl.rcParams["svg.hashsalt"] = "pga_me_ros"  # the same run gives the same file
 def draw_archive(run: StoredRun, folder: Path, *, single: bool = False) -> list[Path]:
     """Draw the archive of a run as a heatmap of fitness.
 
-    Where all elites were evaluated again it is the corrected archive, with the means of these evaluations; the title
-    says so.
+    If all elites were re-evaluated, it draws the corrected archive, with the means of these evaluations; the title says
+    so.
 
     Args:
         run: The run.
-        folder: Where to.
-        single: Whether to draw each elite as the single evaluation tells it that it was found with.
+        folder: Folder of the files.
+        single: Whether to draw each elite by its original, single evaluation.
 
     Returns:
         The files.
@@ -95,17 +95,17 @@ def draw_archive(run: StoredRun, folder: Path, *, single: bool = False) -> list[
 
 
 def hatched(image: Image, steady: Archive, whole: Archive) -> Image:
-    """Return a heatmap with white lines across what is not a steady elite.
+    """Return a heatmap with white lines across elites that are not steady.
 
     Args:
         image: Heatmap of the whole archive.
-        steady: The archive without the others.
-        whole: The archive.
+        steady: The archive with only its steady elites.
+        whole: The whole archive.
     """
     fitness = whole.fitness[whole.filled]
     if not len(fitness):
         return image
-    # Of several cells in a pixel the fittest is shown, so it is steady if leaving out the others changes nothing.
+    # A pixel shows the fittest of its cells, so a pixel that changes without the other elites shows one of them.
     alone = draw_heatmap(steady, PIXELS, float(fitness.min()), float(fitness.max()))
     rows, columns = np.indices(image.shape[:2])
     lines = (rows + columns) % HATCH < HATCH // 3
@@ -114,13 +114,13 @@ def hatched(image: Image, steady: Archive, whole: Archive) -> Image:
 
 
 def draw_curves(runs: Sequence[StoredRun], folder: Path, *, paper: bool = False) -> list[Path]:
-    """Draw learning curves of runs of one task: of each algorithm the median, and the quartiles if it has several runs.
+    """Draw learning curves of runs on one task: each algorithm's median, and quartiles if it has several runs.
 
     Args:
-        runs: The runs; what counts is as far as the shortest of an algorithm's goes.
-        folder: Where to.
+        runs: The runs; each algorithm's curve ends with its shortest run.
+        folder: Folder of the files.
         paper: Whether to draw the authors' published medians under them: those of the runs' algorithms, or of
-            PGA-MAP-Elites if none of these was published.
+            PGA-MAP-Elites if they published none of these.
 
     Returns:
         The files.
@@ -165,7 +165,7 @@ def _draw_curve(
 
 
 def legend(looks: Mapping[str, tuple[str, LineStyleType]]) -> list[Line2D]:
-    """Return what a legend shows of lines by name."""
+    """Return legend entries for lines by name."""
     return [
         Line2D([], [], color=color, linestyle=line, label=name)
         for name, (color, line) in looks.items()
@@ -182,14 +182,14 @@ def draw_paper(
     offset: float = 0.0,
     color: str = PAPER_COLOR,
 ) -> None:
-    """Draw the authors' medians as far as one's own curves go, with the error of reading them off their figures.
+    """Draw the authors' medians up to the end of the user's curves, with the error of reading them off figures.
 
     Args:
-        axes: Where to.
+        axes: Axes to draw on.
         task: Name of the task.
         algorithm: Value of the setting `algorithm`.
         metric: Metric of the curve.
-        last: Evaluations at the end of one's own curves.
+        last: Number of evaluations at the end of the user's curves.
         offset: Fitness that QD-scores are measured from.
         color: Color of the line.
     """
@@ -212,7 +212,7 @@ def draw_paper(
 
 
 def label_axes(axes: Axes, names: Sequence[str]) -> None:
-    """Name the axes by the descriptors; of a map within a map, the outer one comes first."""
+    """Label the axes with descriptor names; for nested maps, the outer descriptor comes first."""
     axes.set_xlabel(_axis_label(names[0::2]))
     if len(names) > 1:
         axes.set_ylabel(_axis_label(names[1::2]))
@@ -221,7 +221,7 @@ def label_axes(axes: Axes, names: Sequence[str]) -> None:
 
 
 def _axis_label(names: Sequence[str]) -> str:
-    """Return descriptor names such as ``left_foot/contact_share`` as words, what they share said once."""
+    """Return descriptor names such as ``left_foot/contact_share`` as words, a common quantity only once."""
     parts, quantities = zip(
         *(name.replace("_", " ").partition("/")[::2] for name in names), strict=True
     )
@@ -234,6 +234,6 @@ def save(figure: Figure, stem: Path) -> list[Path]:
     files = [stem.with_name(f"{stem.name}.{kind}") for kind in FORMATS]
     for file in files:
         metadata = {"Date": None} if file.suffix == ".svg" else {}
-        # As large as what is drawn: a long name or a label of a low picture would be cut otherwise.
+        # Tight bounding box: long names, and labels of low pictures, would be cut off otherwise.
         figure.savefig(file, dpi=120, metadata=metadata, bbox_inches="tight", pad_inches=MARGIN)
     return files

@@ -195,7 +195,7 @@ def test_a_killed_worker_is_reported_in_one_line_and_nothing_is_lost(fresh: Path
         _, errors = process.communicate()
     assert process.returncode == 2
     *progress, last = errors.splitlines()
-    assert last.startswith("error: A process that evaluates was killed")
+    assert last.startswith("error: A worker process was killed")
     assert all(line.endswith(" evaluations") for line in progress)
     rows = load(fresh)[1]
     assert_rows_hold(fresh, rows, range(0, len(rows.fitness), 10))
