@@ -1,6 +1,7 @@
 #!/bin/sh
 # Finds a Python and lets it bring .venv up to date: scripts/setup.sh [step...] (see setup_venv.py).
-# PYTHON=/path/to/python names the interpreter; otherwise it is that of .venv, or else the newest supported one on PATH.
+# PYTHON=/path/to/python names the interpreter; otherwise it is that of .venv, or else one on
+# PATH: 3.11 if it is there, for which every package has a wheel, or the newest supported one.
 set -eu
 cd "$(dirname "$0")/.."
 
@@ -28,7 +29,7 @@ else
             [ "$key" != home ] || home=$value
         done <.venv/pyvenv.cfg
     fi
-    for candidate in ${home:+"$home/python3"} python3.13 python3.12 python3.11 python3; do
+    for candidate in ${home:+"$home/python3"} python3.11 python3.13 python3.12 python3; do
         if is_supported "$candidate"; then
             PYTHON=$candidate
             break

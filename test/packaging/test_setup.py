@@ -101,14 +101,20 @@ def test_wrong_python_is_named_in_one_line(checkout: Path, machine: Path, answer
     assert "give the path of a Python 3.11, 3.12 or 3.13" in lines[0]
 
 
-def test_the_newest_supported_python_is_taken(checkout: Path, machine: Path) -> None:
-    for version in ("3.12", "3.13", "3.14"):
+@pytest.mark.parametrize(
+    ("versions", "taken"),
+    [(("3.12", "3.13", "3.14"), "3.13"), (("3.11", "3.12", "3.13"), "3.11")],
+)
+def test_a_python_with_wheels_for_all_is_taken_or_the_newest_supported_one(
+    checkout: Path, machine: Path, versions: tuple[str, ...], taken: str
+) -> None:
+    for version in versions:
         other = machine / f"python{version}"
         other.write_text(
             f'#!/bin/sh\ncase "$*" in *setup_venv*) echo started {version} ;; *) echo {version} ;; esac\n'
         )
         other.chmod(0o755)
-    assert set_up(checkout, machine) == (0, ["started 3.13"])
+    assert set_up(checkout, machine) == (0, [f"started {taken}"])
 
 
 def test_an_environment_keeps_its_python_until_another_is_named(
