@@ -71,7 +71,12 @@ def test_the_robot_runs_the_gait_that_it_asked_for(robot: Tutorial) -> None:
 def test_the_last_robot_keeps_its_promise_as_shown(robot: Tutorial) -> None:
     output = robot.shell.run(robot.commands[RUN_A_STEADY_ONE])
     (shown,) = re.findall(r"^```\n(promised.*?)```$", TEXT, re.DOTALL | re.MULTILINE)
-    assert output == shown
+    number = re.compile(r"[0-9.]+")
+    assert number.sub("#", output) == number.sub("#", shown)
+    assert output.splitlines()[0] == shown.splitlines()[0], "what is promised is stored"
+    # Another machine may compute other bits, which grow to other digits in a thousand steps.
+    got, expected = ([float(x) for x in number.findall(text)] for text in (output, shown))
+    assert got == pytest.approx(expected, rel=0.05)
     assert output.endswith("still up after 16.5 s\n")
 
 

@@ -108,7 +108,10 @@ def test_an_invalid_parameter(
     [
         ("--hlep", "Unknown argument '--hlep' (did you mean '--help'?)"),
         ("--ros-args -p evaluations", "'-p evaluations'; expected -p NAME:=VALUE"),
-        ("--ros-args -r __ns:=one", "'-r __ns:=one'; expected -r FROM:=TO, or -r __ns:=/NAME"),
+        (
+            "--ros-args -r __ns:=one",
+            "Namespace 'one' does not begin with a slash; expected -r __ns:=/one",
+        ),
         ("--ros-args -z", "Unknown ROS argument '-z'"),
         ("--ros-args --params-file none.yaml", "There is no params file 'none.yaml'"),
         ("--ros-args --params-file bad.yaml", "not valid YAML at line 2, column 1"),

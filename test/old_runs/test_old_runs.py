@@ -187,7 +187,8 @@ def test_it_is_reported(
     assert report() == 0
     last, task = generations_of(old.path)[-1], old.parameters["task"]
     numbers = [last[n] for n in ("evaluations", "coverage", "qd_score", "max_fitness")]
-    row = " | ".join([task, "1", *(f"{number:,.0f}" for number in numbers)])
+    algorithm = old.parameters.get("algorithm", "pga_map_elites")
+    row = " | ".join([task, algorithm, "1", *(f"{number:,.0f}" for number in numbers)])
     assert f"| {row} |" in capsys.readouterr().out
     pictures = sorted(file.stem.rpartition("-")[2] for file in tmp_path.glob("*.png"))
     assert pictures == ["archive", "curves", "lineage"]

@@ -47,6 +47,11 @@ raise SystemExit(run_program(work, "stopped; it continues from here"))
 """
 
 
+def catch_ctrl_c() -> None:
+    """Undo what a shell does to its background jobs, which ignore Ctrl-C; a test may run in one."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
 def started(*arguments: str) -> subprocess.Popen[str]:
     return subprocess.Popen(
         [sys.executable, *arguments],
@@ -54,6 +59,7 @@ def started(*arguments: str) -> subprocess.Popen[str]:
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
+        preexec_fn=catch_ctrl_c,
     )
 
 

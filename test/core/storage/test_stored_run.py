@@ -118,7 +118,7 @@ def test_behaviors_are_judged_by_means_on_request(judged: StoredRun) -> None:
         ({"best": True, "cell": 3}, RequestError, "in one way: .*; given: cell, best"),
         ({"max_distance": 0.1}, RequestError, "give it together with a descriptor"),
         ({"descriptor": [0.1, 0.2]}, RequestError, "has 2 entries; this repertoire's has 1"),
-        ({"descriptor": [float("nan")]}, ArchiveError, "must be finite"),
+        ({"descriptor": [float("nan")]}, RequestError, "descriptor is or holds nan; give a number"),
         ({"descriptor": [9.0], "max_distance": 0.1}, RequestError, "No behavior lies within 0.1"),
         ({"min_fitness": 1e6}, RequestError, "No behavior has a fitness of 1000000.0 or more; the"),
         (
