@@ -2,7 +2,7 @@
 // The map of a run: one shape per cell; it is pointed at, clicked, and walked through with the arrow keys.
 const Maps = (() => {
   const WIDTH = 560;
-  const LEFT = 50;
+  const LEFT = 76;
   const BOTTOM = 42;
   const EDGE = 8;
   let views = [];
