@@ -18,7 +18,7 @@ from pga_me_ros.process.terminal import Terminal
 POLL = 0.2
 """Seconds between two checks on the processes."""
 
-CALM = 60.0
+PRINT_PERIOD = 60.0
 """Seconds between two progress lines if they are not overwritten, as in a log file."""
 
 PARTICIPANTS = 30
@@ -152,7 +152,10 @@ class Matrix:
     def _show(self) -> None:
         """Show progress: once a second if the line is overwritten, else once a minute."""
         now = time.monotonic()
-        if now < self._shown + (1.0 if self._terminal.in_place else CALM) or not self._running:
+        if (
+            now < self._shown + (1.0 if self._terminal.in_place else PRINT_PERIOD)
+            or not self._running
+        ):
             return
         self._shown = now
         for run in self._running.values():

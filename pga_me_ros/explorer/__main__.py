@@ -45,15 +45,15 @@ def main(args: Sequence[str] | None = None) -> int:
     """
     given = list(sys.argv[1:] if args is None else args)
     cut = given.index(ROS_ARGS) if ROS_ARGS in given else len(given)
-    asked = _parser().parse_args(given[:cut])
-    return run_program(lambda: explore(asked, given[cut:]))
+    options = _parser().parse_args(given[:cut])
+    return run_program(lambda: explore(options, given[cut:]))
 
 
-def explore(asked: argparse.Namespace, ros_args: Sequence[str] = ()) -> None:
+def explore(options: argparse.Namespace, ros_args: Sequence[str] = ()) -> None:
     """Carry out a parsed command line.
 
     Args:
-        asked: The command line.
+        options: The command line.
         ros_args: ``--ros-args`` and what follows.
 
     Raises:
@@ -61,42 +61,42 @@ def explore(asked: argparse.Namespace, ros_args: Sequence[str] = ()) -> None:
             written.
     """
     require_web()
-    if asked.html is None:
-        _serve(asked, ros_args)
-    elif not asked.runs:
+    if options.html is None:
+        _serve(options, ros_args)
+    elif not options.runs:
         raise RequestError("--html writes a stored run; give its folder.")
     else:
-        _write(asked)
+        _write(options)
 
 
-def _write(asked: argparse.Namespace) -> None:
-    out = _checked(asked.html)
-    runs = [StoredRun.load(path) for path in asked.runs]
-    starts = [EpisodeStart(), EpisodeStart(asked.seed)]
-    if asked.randomization:
-        randomization_option(runs[0].settings.task, asked.randomization)
-        starts.append(EpisodeStart(asked.seed, asked.randomization))
+def _write(options: argparse.Namespace) -> None:
+    out = _checked(options.html)
+    runs = [StoredRun.load(path) for path in options.runs]
+    starts = [EpisodeStart(), EpisodeStart(options.seed)]
+    if options.randomization:
+        randomization_option(runs[0].settings.task, options.randomization)
+        starts.append(EpisodeStart(options.seed, options.randomization))
     shown = [
-        _recorded(run, str(path), asked.motions, tuple(starts))
-        for run, path in zip(runs, asked.runs, strict=True)
+        _recorded(run, str(path), options.motions, tuple(starts))
+        for run, path in zip(runs, options.runs, strict=True)
     ]
     title = " and ".join(dict.fromkeys(run.name for run in runs))
     write_page({"title": title, "live": False, "runs": shown}, out)
     print(out)
 
 
-def _serve(asked: argparse.Namespace, ros_args: Sequence[str]) -> None:
+def _serve(options: argparse.Namespace, ros_args: Sequence[str]) -> None:
     from pga_me_ros.explorer.live import access_for, serve
 
-    sources: list[Source] = [StoredSource(path, str(path)) for path in asked.runs]
+    sources: list[Source] = [StoredSource(path, str(path)) for path in options.runs]
     if not sources:
         from pga_me_ros.explorer.graph_source import GraphSource
 
         sources.append(GraphSource(ros_args))
     try:
         title = " and ".join(dict.fromkeys(s.content["run"]["name"] for s in sources))
-        access = access_for(asked.host, control=asked.control, token=asked.token)
-        serve(sources, asked.host, asked.port, access, title)
+        access = access_for(options.host, control=options.control, token=options.token)
+        serve(sources, options.host, options.port, access, title)
     finally:
         for source in sources:
             source.close()

@@ -216,8 +216,8 @@ class ArchiveManager(GraphNode):
         parameters = shaped(request.parameters, (b, p), np.float32, "parameters")
         operators = shaped(request.operators, (b,), np.int64, "operators")
         parents = shaped(request.parents, (b, 2), np.int64, "parents")
-        _require_least("steps", out.steps, 1)
-        _require_least("parents", parents, NO_PARENT)
+        _require_minimum("steps", out.steps, 1)
+        _require_minimum("parents", parents, NO_PARENT)
         if operators.max() > max(Operator):
             raise RequestError(
                 f"Field 'operators' holds {operators.max()}; expected 0 to {max(Operator):d}."
@@ -299,9 +299,9 @@ class ArchiveManager(GraphNode):
         super().destroy_node()
 
 
-def _require_least(name: str, values: np.ndarray, least: int) -> None:
-    if values.min() < least:
-        raise RequestError(f"Field '{name}' holds {values.min()}; expected {least} or more.")
+def _require_minimum(name: str, values: np.ndarray, minimum: int) -> None:
+    if values.min() < minimum:
+        raise RequestError(f"Field '{name}' holds {values.min()}; expected {minimum} or more.")
 
 
 PROGRAM = Program(

@@ -35,7 +35,7 @@ from pga_me_ros.ros.shield import shield
 TICK = 0.1
 """Seconds between two checks whether to stop, if no message comes."""
 
-QUIET = 0.3
+QUIET_SECONDS = 0.3
 """Seconds without a message, after it was told to stop, until everything sent counts as received."""
 
 DRAIN = 5.0
@@ -153,7 +153,7 @@ def record_until(stop: threading.Event, recorder: Recorder) -> None:
         executor.spin_once(timeout_sec=TICK)
     latest = time.monotonic() + DRAIN
     quiet_since, before = time.monotonic(), recorder.messages
-    while time.monotonic() < min(latest, quiet_since + QUIET):
+    while time.monotonic() < min(latest, quiet_since + QUIET_SECONDS):
         executor.spin_once(timeout_sec=TICK)
         if recorder.messages != before:
             quiet_since, before = time.monotonic(), recorder.messages

@@ -42,7 +42,7 @@ class Child:
         process: Its present process.
         crashes: Recent deaths by its own fault.
         kills: Recent deaths by SIGKILL.
-        works: Whether its present process has done some work.
+        has_worked: Whether its present process has done some work.
     """
 
     name: str
@@ -58,7 +58,7 @@ class Child:
 
     def start(self) -> None:
         """Start its process, or a new one after one has ended."""
-        self.works, self._started = False, time.monotonic()
+        self.has_worked, self._started = False, time.monotonic()
         self.process = ChildProcess(self.command, self.log_path, inherited=self.inherited)
 
     @property
@@ -69,7 +69,7 @@ class Child:
     @property
     def proven(self) -> bool:
         """Whether its present process has shown that it can run."""
-        return self.works or time.monotonic() - self._started > STABLE
+        return self.has_worked or time.monotonic() - self._started > STABLE
 
 
 class Children:
@@ -148,7 +148,7 @@ class Children:
         """Note that a process has done some work."""
         child = self._children.get(name)
         if child and child.pid == pid:
-            child.works = True
+            child.has_worked = True
 
     def progressed(self) -> None:
         """Forget past deaths at the end of a generation: a child that works in between is not in a crash loop.

@@ -159,7 +159,7 @@ class EvaluatorPool:
             elif worker.process != (msg.host, msg.pid):
                 self._replace(worker, msg, now)
             else:
-                worker.seen = now
+                worker.last_heartbeat = now
                 if msg.done != worker.done:
                     worker.done, worker.progress = msg.done, now
 
@@ -175,7 +175,7 @@ class EvaluatorPool:
         with self._lock:
             now = time.monotonic()
             for name, worker in list(self._workers.items()):
-                if now - worker.seen > STALE:
+                if now - worker.last_heartbeat > STALE:
                     if worker.chunks:  # without work it is not missed, as after the end of a run
                         self._node.get_logger().warning(
                             f"evaluator {name} has been silent for {STALE:.0f} s; its work goes to others"
@@ -198,7 +198,7 @@ class EvaluatorPool:
 
     def _replace(self, worker: Worker, msg: NodeStatus, now: float) -> None:
         """Replace an evaluator by its restarted process, but not by a rival of the same name."""
-        if now - worker.seen > RIVAL:
+        if now - worker.last_heartbeat > RIVAL:
             self._lose(msg.node)
             self._join(msg, now)
         else:
@@ -224,7 +224,7 @@ class EvaluatorPool:
             client=self._clients[msg.node],
             process=(msg.host, msg.pid),
             usable=now + (SETTLE if known else 0.0),
-            seen=now,
+            last_heartbeat=now,
             done=msg.done,
             progress=now,
         )

@@ -95,7 +95,7 @@ class Worker:
         client: Client of its service.
         process: Host and process id.
         usable: Time from which it may get requests.
-        seen: Time of its last heartbeat.
+        last_heartbeat: Time of its last heartbeat.
         done: Number of evaluations it had finished by then.
         progress: Time at which that number last grew.
         refusals: Number of refusals in a row.
@@ -106,7 +106,7 @@ class Worker:
     client: Client
     process: tuple[str, int]
     usable: float
-    seen: float
+    last_heartbeat: float
     done: int
     progress: float
     refusals: int = 0

@@ -48,11 +48,11 @@ def main(args: Sequence[str] | None = None) -> int:
         Exit status, as for `run_program`.
     """
     words = sys.argv[1:] if args is None else args
-    asked = _parser().parse_args(positionals_first(words, "--descriptor", is_number))
-    return run_program(lambda: print(render(asked)))
+    options = _parser().parse_args(positionals_first(words, "--descriptor", is_number))
+    return run_program(lambda: print(render(options)))
 
 
-def render(asked: argparse.Namespace) -> Path:
+def render(options: argparse.Namespace) -> Path:
     """Carry out a parsed command line.
 
     Returns:
@@ -62,76 +62,78 @@ def render(asked: argparse.Namespace) -> Path:
         PgaError: The run cannot be read, has no such gait, its task cannot be drawn, or the file cannot be written.
     """
     require_pillow()
-    run = StoredRun.load(asked.run)
+    run = StoredRun.load(options.run)
     if run.archive.note:
         print(f"note: {run.archive.note}", file=sys.stderr)
-    ending = ".png" if asked.sheet else ".gif"
-    out = asked.out or Path(f"{run.name}{'-gaits' if asked.sheet else ''}{ending}")
+    ending = ".png" if options.sheet else ".gif"
+    out = options.out or Path(f"{run.name}{'-gaits' if options.sheet else ''}{ending}")
     if out.suffix.lower() != ending or out.is_dir():
         raise RequestError(f"--out is '{out}'; give the name of a file that ends in {ending}.")
     if not out.absolute().parent.is_dir():
         raise StorageError(f"There is no folder '{out.absolute().parent}'; make it first.")
-    task = make_task(run.settings.task, run.settings.randomization, asked.damage)
+    task = make_task(run.settings.task, run.settings.randomization, options.damage)
     try:
-        if asked.sheet:
-            _draw_sheet(asked, run, task, out)
-        elif asked.gallery:
-            _draw_gallery(asked, run, task, out)
+        if options.sheet:
+            _draw_sheet(options, run, task, out)
+        elif options.gallery:
+            _draw_gallery(options, run, task, out)
         else:
-            _draw_animation(asked, run, task, out)
+            _draw_animation(options, run, task, out)
     finally:
         task.close()
     return out
 
 
-def _draw_animation(asked: argparse.Namespace, run: StoredRun, task: Task, out: Path) -> None:
+def _draw_animation(options: argparse.Namespace, run: StoredRun, task: Task, out: Path) -> None:
     gait = run.choose(
-        descriptor=asked.descriptor,
-        cell=asked.cell,
-        random=asked.random,
-        min_fitness=asked.min_fitness,
-        max_fall_share=asked.max_fall_share,
-        single=asked.single,
+        descriptor=options.descriptor,
+        cell=options.cell,
+        random=options.random,
+        min_fitness=options.min_fitness,
+        max_fall_share=options.max_fall_share,
+        single=options.single,
     )
-    episode = draw_gif(task, run.settings, gait, out, _options(asked))
-    _tell(gait, episode, asked.seed, task.spec.control_period)
+    episode = draw_gif(task, run.settings, gait, out, _options(options))
+    _tell(gait, episode, options.seed, task.spec.control_period)
 
 
-def _draw_gallery(asked: argparse.Namespace, run: StoredRun, task: Task, out: Path) -> None:
-    gaits = _spread(asked, run, asked.gallery)
-    columns = asked.columns or SIDE_BY_SIDE
-    episodes = draw_gallery(task, run.settings, gaits, out, _options(asked), columns)
+def _draw_gallery(options: argparse.Namespace, run: StoredRun, task: Task, out: Path) -> None:
+    gaits = _spread(options, run, options.gallery)
+    columns = options.columns or SIDE_BY_SIDE
+    episodes = draw_gallery(task, run.settings, gaits, out, _options(options), columns)
     for gait, episode in zip(gaits, episodes, strict=True):
-        _tell(gait, episode, asked.seed, task.spec.control_period)
+        _tell(gait, episode, options.seed, task.spec.control_period)
 
 
-def _options(asked: argparse.Namespace) -> GifOptions:
-    size = tuple(asked.size)
-    return GifOptions(asked.start, asked.seconds, asked.speed, asked.fps, size, asked.seed)
+def _options(options: argparse.Namespace) -> GifOptions:
+    size = tuple(options.size)
+    return GifOptions(
+        options.start, options.seconds, options.speed, options.fps, size, options.seed
+    )
 
 
-def _spread(asked: argparse.Namespace, run: StoredRun, count: int) -> list[StoredBehavior]:
+def _spread(options: argparse.Namespace, run: StoredRun, count: int) -> list[StoredBehavior]:
     """Choose gaits that lie far apart in the descriptor space, of those that meet the demands."""
     from pga_me_ros.core.archive.spread import spread_cells
 
     demands = Demands(
-        Judging.of(single=asked.single),
-        -math.inf if asked.min_fitness is None else asked.min_fitness,
-        math.inf if asked.max_fall_share is None else asked.max_fall_share,
+        Judging.of(single=options.single),
+        -math.inf if options.min_fitness is None else options.min_fitness,
+        math.inf if options.max_fall_share is None else options.max_fall_share,
     )
     choices = run.choices(demands)
     cells = spread_cells(choices.elites, choices.cells(), count)
     return [StoredBehavior.chosen(choices, cell, run.shape) for cell in cells]
 
 
-def _draw_sheet(asked: argparse.Namespace, run: StoredRun, task: Task, out: Path) -> None:
+def _draw_sheet(options: argparse.Namespace, run: StoredRun, task: Task, out: Path) -> None:
     from pga_me_ros.render.contact_sheet import Row, contact_sheet
 
-    gaits = _spread(asked, run, asked.sheet)
-    rows = [Row(gait, _recorded(run, task, gait, asked.seed)) for gait in gaits]
+    gaits = _spread(options, run, options.sheet)
+    rows = [Row(gait, _recorded(run, task, gait, options.seed)) for gait in gaits]
     names = ", ".join(run.spec.descriptor_names)
     title = f"{run.spec.name}: {len(rows)} of {len(run.archive)} gaits, described by [{names}]"
-    contact_sheet(title, rows, asked.columns or MOMENTS, task.spec.control_period).save(
+    contact_sheet(title, rows, options.columns or MOMENTS, task.spec.control_period).save(
         out, optimize=True
     )
 

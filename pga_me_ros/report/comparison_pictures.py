@@ -16,7 +16,14 @@ from pga_me_ros.core.archive.heatmap import ANCHORS, draw_heatmap
 from pga_me_ros.paths import file_name
 from pga_me_ros.report.comparison import METRICS, Comparison, TaskComparison
 from pga_me_ros.report.paper import LABEL
-from pga_me_ros.report.pictures import LOOKS, PAPER_COLOR, draw_paper, label_axes, legend, save
+from pga_me_ros.report.pictures import (
+    LINE_STYLES,
+    PAPER_COLOR,
+    draw_paper,
+    label_axes,
+    legend,
+    save,
+)
 
 PIXELS = 480
 LOWEST = 2.6
@@ -38,7 +45,7 @@ def draw_curves_compared(
     figure = Figure(figsize=size, layout="constrained")
     grid = figure.subplots(len(METRICS), len(tasks), squeeze=False, sharex="col")
     systems = list(dict.fromkeys(system for task in tasks for system in task.systems))
-    looks = {system: LOOKS[i % len(LOOKS)] for i, system in enumerate(systems)}
+    looks = {system: LINE_STYLES[i % len(LINE_STYLES)] for i, system in enumerate(systems)}
     for row, (metric, label) in zip(grid, METRICS.items(), strict=True):
         for axes, task in zip(row, tasks, strict=True):
             _draw_metric(axes, task, metric, looks)

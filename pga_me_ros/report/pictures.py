@@ -27,7 +27,7 @@ CURVES = (
     ("max_fitness", "best fitness"),
 )
 FORMATS = ("png", "svg")
-LOOKS: tuple[tuple[str, LineStyleType], ...] = (
+LINE_STYLES: tuple[tuple[str, LineStyleType], ...] = (
     ("#0072b2", "-"),
     ("#e69f00", "--"),
     ("#009e73", "-."),
@@ -129,7 +129,7 @@ def draw_curves(runs: Sequence[StoredRun], folder: Path, *, paper: bool = False)
     groups: dict[str, list[StoredRun]] = defaultdict(list)
     for run in runs:
         groups[run.settings.algorithm].append(run)
-    looks = {name: LOOKS[i % len(LOOKS)] for i, name in enumerate(groups)}
+    looks = {name: LINE_STYLES[i % len(LINE_STYLES)] for i, name in enumerate(groups)}
     published = [name for name in groups if name in SYSTEMS] or ["pga_map_elites"]
     last = max(run.metrics[-1].evaluations for run in runs)
     for axes, (name, label) in zip(figure.subplots(1, len(CURVES)), CURVES, strict=True):

@@ -24,7 +24,7 @@ from pga_me_ros.report.__main__ import draw, draw_comparison, table
 from pga_me_ros.report.compared_run import ComparedRun
 from pga_me_ros.report.comparison import compare
 from pga_me_ros.report.lineage import COLORS, draw_lineage, look
-from pga_me_ros.report.pictures import LOOKS, draw_archive, draw_curves
+from pga_me_ros.report.pictures import LINE_STYLES, draw_archive, draw_curves
 from pga_me_ros.tasks.registry import task_spec
 
 TASKS = ["qd_hopper", "qd_walker", "qd_ant"]
@@ -139,8 +139,8 @@ def test_algorithms_have_medians_and_curves_of_their_own(tmp_path: Path) -> None
     assert rows[2][-1] == f"{best:,.0f}"
     _, svg = draw_curves(list(of.values()), tmp_path)
     drawing = svg.read_text()
-    assert all(color in drawing for color, _ in LOOKS[:2])
-    assert LOOKS[2][0] not in drawing
+    assert all(color in drawing for color, _ in LINE_STYLES[:2])
+    assert LINE_STYLES[2][0] not in drawing
     assert "<!-- map_elites -->" in drawing, "the legend names it"
 
 
