@@ -10,14 +10,14 @@ from typing import Any
 import numpy as np
 
 from pga_me_ros.arrays import Float64Array
-from pga_me_ros.core.evaluation import as_evaluated, evaluation_rng
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.errors import RequestError
 from pga_me_ros.player.gait import Gait
 from pga_me_ros.player.model import Link, RobotModel, RobotState
 from pga_me_ros.player.promise import is_kept
+from pga_me_ros.player.recorded_gait import evaluated_again, steps_between
 from pga_me_ros.player.transform import Transform
-from pga_me_ros.player.watched_rollout import Recording, record
+from pga_me_ros.player.watched_rollout import Recording
 from pga_me_ros.tasks.protocol import Task
 from pga_me_ros.tasks.spec import TaskSpec
 
@@ -92,11 +92,8 @@ def recorded(task: Task, settings: Settings, gait: Gait, start: EpisodeStart) ->
     Raises:
         TaskError: The task has no `body`, or its robot cannot be shown.
     """
-    every = max(1, round(1.0 / (FRAMES_PER_SECOND * task.spec.control_period)))
-    if start.seed is not None:
-        return record(task, gait.controller, np.random.default_rng(start.seed), every)
-    act = as_evaluated(settings, gait.controller, gait.evaluation)
-    return record(task, act, evaluation_rng(settings.seed, gait.evaluation), every)
+    every = steps_between(FRAMES_PER_SECOND, task.spec.control_period)
+    return evaluated_again(task, settings, gait, every, start.seed)
 
 
 def describe_motion(

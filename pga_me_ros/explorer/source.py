@@ -7,6 +7,7 @@ from tempfile import TemporaryDirectory
 from typing import Any, Protocol
 
 from pga_me_ros.core.settings import Settings
+from pga_me_ros.core.storage.reevaluations import FILE
 from pga_me_ros.core.storage.stored_run import StoredRun
 from pga_me_ros.errors import PgaError, RequestError
 from pga_me_ros.explorer.description import describe
@@ -133,7 +134,7 @@ class StoredSource:
         """Return time and size of each file that the page depends on."""
         file = self._run.file
         stamps: list[tuple[int, int] | None] = []
-        for path in (file, Path(f"{file}-wal"), file.with_name("reevaluations.npz")):
+        for path in (file, Path(f"{file}-wal"), file.with_name(FILE)):
             try:
                 found = path.stat()
                 stamps.append((found.st_mtime_ns, found.st_size))

@@ -20,13 +20,10 @@ from pga_me_ros.errors import RequestError
 from pga_me_ros.ros import names, qos
 from pga_me_ros.ros.command_line import Program
 from pga_me_ros.ros.graph_node import GraphNode
-from pga_me_ros.ros.namesakes import leave_to_elders
+from pga_me_ros.ros.namesakes import STOP_OR_MOVE, leave_to_elders
 from pga_me_ros.ros.options import RunOptions
 from pga_me_ros.ros.parameters import declare
 from pga_me_ros.ros.process import run_node
-
-OTHER_NAME = "Stop that node, or give this one a namespace (--ros-args -r __ns:=/NAME) or another ROS_DOMAIN_ID."
-"""What the user can do if another adapter has the name."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +61,7 @@ class Adapter(GraphNode):
         self.serve(NextTrial, names.NEXT_TRIAL, self._next, "ok", many)
         self.serve(ReportTrial, names.REPORT_TRIAL, self._report, "ok", many)
         self.serve(GetAdaptation, names.ADAPTATION_STATUS, self._status_of, "ok", many)
-        leave_to_elders(self, lambda msg: msg.kind == "adapter", OTHER_NAME)
+        leave_to_elders(self, lambda msg: msg.kind == "adapter", STOP_OR_MOVE)
         self.start_heartbeat()
 
     def _hear(self, metrics: MetricsMsg) -> None:
@@ -102,18 +99,17 @@ class Adapter(GraphNode):
 
     def _next(self, request: NextTrial.Request, response: NextTrial.Response) -> None:
         adaptation, undertaking = self._under_way()
-        known = len(adaptation.trials)
-        trial = adaptation.next()
-        if trial and len(adaptation.trials) > known:
-            self._memory.store(undertaking, trial)
-        answer = self._behavior_of(trial, with_controller=request.with_controller)
-        while trial and answer is None:  # a fitter one took its cell before it could be tried
-            self._memory.store(undertaking, adaptation.give_up())
-            self._refresh(adaptation, undertaking)
+        while True:
+            known = len(adaptation.trials)
             trial = adaptation.next()
-            if trial:
+            if trial and len(adaptation.trials) > known:
                 self._memory.store(undertaking, trial)
             answer = self._behavior_of(trial, with_controller=request.with_controller)
+            if trial is None or answer:
+                break
+            # A fitter one took its cell before it could be tried.
+            self._memory.store(undertaking, adaptation.give_up())
+            self._refresh(adaptation, undertaking)
         if trial is None:
             response.over, response.adapted = True, adaptation.adapted
             response.message = (

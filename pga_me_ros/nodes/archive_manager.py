@@ -29,7 +29,7 @@ from pga_me_ros.ros.convert import finite, flat, metrics_to_msg, shaped, with_ra
 from pga_me_ros.ros.elites_topic import elites_to_msg
 from pga_me_ros.ros.evaluations import evaluated_from_msg
 from pga_me_ros.ros.graph_node import GraphNode
-from pga_me_ros.ros.namesakes import ELDER, leave_to_elders
+from pga_me_ros.ros.namesakes import ELDER, STOP_OR_MOVE, leave_to_elders
 from pga_me_ros.ros.options import RunOptions
 from pga_me_ros.ros.parameters import declare
 from pga_me_ros.ros.process import run_node
@@ -44,9 +44,6 @@ LOOK_PERIOD = 1.0
 
 GROWING = ("starting", "running", "paused")
 """States of a run in which it adds to the repertoire, or will."""
-
-OTHER_NAME = "Stop that node, or give this one a namespace (--ros-args -r __ns:=/NAME) or another ROS_DOMAIN_ID."
-"""What the user can do if another archive manager has the name."""
 
 
 @dataclass(frozen=True)
@@ -97,7 +94,7 @@ class ArchiveManager(GraphNode):
             self.serve(SampleParents, names.SAMPLE_PARENTS, self._sample)
             self.serve(Extract, names.EXTRACT, self._extract)
         else:  # a run's own is never disturbed
-            leave_to_elders(self, lambda msg: msg.kind == "archive_manager", OTHER_NAME)
+            leave_to_elders(self, lambda msg: msg.kind == "archive_manager", STOP_OR_MOVE)
         self._show()
         # rclpy must not be imported before pga_me_ros.ros has looked at RMW_IMPLEMENTATION.
         from rclpy.clock import Clock, ClockType

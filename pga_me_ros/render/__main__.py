@@ -17,6 +17,7 @@ from pga_me_ros.errors import RequestError, StorageError
 from pga_me_ros.paths import user_path
 from pga_me_ros.player.gait import Gait
 from pga_me_ros.player.promise import kept, lasted
+from pga_me_ros.player.recorded_gait import evaluated_again
 from pga_me_ros.player.watched_rollout import Recording
 from pga_me_ros.process.command_words import is_number, positionals_first
 from pga_me_ros.process.program import run_program
@@ -24,7 +25,6 @@ from pga_me_ros.render.behavior_gif import (
     GifOptions,
     draw_gallery,
     draw_gif,
-    evaluated_again,
     require_pillow,
 )
 from pga_me_ros.tasks.protocol import Task
@@ -93,19 +93,19 @@ def _draw_animation(options: argparse.Namespace, run: StoredRun, task: Task, out
         max_fall_share=options.max_fall_share,
         single=options.single,
     )
-    episode = draw_gif(task, run.settings, gait, out, _options(options))
+    episode = draw_gif(task, run.settings, gait, out, _gif_options(options))
     _tell(gait, episode, options.seed, task.spec.control_period)
 
 
 def _draw_gallery(options: argparse.Namespace, run: StoredRun, task: Task, out: Path) -> None:
     gaits = _spread(options, run, options.gallery)
     columns = options.columns or SIDE_BY_SIDE
-    episodes = draw_gallery(task, run.settings, gaits, out, _options(options), columns)
+    episodes = draw_gallery(task, run.settings, gaits, out, _gif_options(options), columns)
     for gait, episode in zip(gaits, episodes, strict=True):
         _tell(gait, episode, options.seed, task.spec.control_period)
 
 
-def _options(options: argparse.Namespace) -> GifOptions:
+def _gif_options(options: argparse.Namespace) -> GifOptions:
     size = tuple(options.size)
     return GifOptions(
         options.start, options.seconds, options.speed, options.fps, size, options.seed

@@ -7,14 +7,12 @@ from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 
-import numpy as np
-
-from pga_me_ros.core.evaluation import as_evaluated, evaluation_rng
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.dependencies import missing
 from pga_me_ros.errors import RequestError
 from pga_me_ros.player.gait import Gait
-from pga_me_ros.player.watched_rollout import Recording, record
+from pga_me_ros.player.recorded_gait import evaluated_again, steps_between
+from pga_me_ros.player.watched_rollout import Recording
 from pga_me_ros.tasks.protocol import Task
 from pga_me_ros.tasks.rollout import Episode
 
@@ -50,27 +48,6 @@ def require_pillow() -> None:
         raise missing("PIL")
 
 
-def evaluated_again(
-    task: Task, settings: Settings, gait: Gait, every: int, seed: int | None = None
-) -> Recording:
-    """Run a behavior from the very start of its evaluation, and keep the states of the robot.
-
-    Args:
-        task: The task of its run.
-        settings: Settings of its run.
-        gait: The behavior.
-        every: Steps between two states.
-        seed: Seed of another initial pose, None for that of the evaluation.
-
-    Raises:
-        TaskError: The task has no `body`, or its robot cannot be shown.
-    """
-    if seed is not None:
-        return record(task, gait.controller, np.random.default_rng(seed), every)
-    act = as_evaluated(settings, gait.controller, gait.evaluation)
-    return record(task, act, evaluation_rng(settings.seed, gait.evaluation), every)
-
-
 def draw_gif(task: Task, settings: Settings, gait: Gait, out: Path, options: GifOptions) -> Episode:
     """Run a behavior's evaluation again, or another episode of it, and draw it.
 
@@ -90,13 +67,7 @@ def draw_gif(task: Task, settings: Settings, gait: Gait, out: Path, options: Gif
         StorageError: The file cannot be written.
         TaskError: The task has no `body`, or its robot cannot be shown.
     """
-    require_pillow()
-    from pga_me_ros.render.animation import animation, save_gif
-
-    period = task.spec.control_period
-    whole, recording, times = _shown(task, settings, gait, options)
-    save_gif(out, animation(recording, gait, period, options.size), times)
-    return whole.episode
+    return draw_gallery(task, settings, [gait], out, options, 1)[0]
 
 
 def draw_gallery(
@@ -146,7 +117,7 @@ def _shown(
 ) -> tuple[Recording, Recording, list[float]]:
     """Return a whole episode, the part to show, and the times of its pictures, s."""
     period = task.spec.control_period
-    every = max(1, round(1.0 / (options.fps * period)))
+    every = steps_between(options.fps, period)
     whole = evaluated_again(task, settings, gait, every, options.seed)
     times = [step * period for step in whole.steps]
     end = options.start + options.seconds

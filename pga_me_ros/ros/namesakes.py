@@ -18,6 +18,9 @@ from pga_me_ros.ros.options import LISTEN
 from pga_me_ros.ros.refusals import printable
 from pga_me_ros.ros.spinning import EndingNode
 
+STOP_OR_MOVE = "Stop that node, or give this one a namespace (--ros-args -r __ns:=/NAME) or another ROS_DOMAIN_ID."
+"""What the user can do if another node of the same kind has the name."""
+
 LISTEN_ON = 5.0
 """Seconds to listen if the graph has the name more than once: discovery is slow, or a namesake was killed recently."""
 

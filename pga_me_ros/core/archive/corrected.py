@@ -101,14 +101,7 @@ def corrected_archive(archive: Archive, known: Statistics) -> Archive:
         A view for measuring and drawing; of its arrays, only `filled`, `fitness`, `descriptors` and `evaluations` are
         those of the corrected archive.
     """
-    owners = corrected_owners(archive, known)
-    filled = owners != NOBODY
-    view = copy.copy(archive)
-    view.filled = filled
-    view.fitness = np.where(filled, known.mean_fitness[owners], np.nan)
-    view.descriptors = np.where(filled[:, None], known.mean_descriptor[owners], np.nan)
-    view.evaluations = np.where(filled, archive.evaluations[owners], NOBODY)
-    return view
+    return _view(archive, known, corrected_owners(archive, known))
 
 
 def steady_archive(archive: Archive, known: Statistics, most: float) -> Archive:
@@ -123,9 +116,17 @@ def steady_archive(archive: Archive, known: Statistics, most: float) -> Archive:
         A view as that of `corrected_archive`.
     """
     owners = corrected_owners(archive, known)
-    view = corrected_archive(archive, known)
-    view.filled = view.filled & (known.fall_share[owners] <= most)
-    view.fitness = np.where(view.filled, view.fitness, np.nan)
+    return _view(archive, known, np.where(known.fall_share[owners] <= most, owners, NOBODY))
+
+
+def _view(archive: Archive, known: Statistics, owners: Int64Array) -> Archive:
+    """Return the corrected archive whose cells have these owners, see `corrected_owners`."""
+    filled = owners != NOBODY
+    view = copy.copy(archive)
+    view.filled = filled
+    view.fitness = np.where(filled, known.mean_fitness[owners], np.nan)
+    view.descriptors = np.where(filled[:, None], known.mean_descriptor[owners], np.nan)
+    view.evaluations = np.where(filled, archive.evaluations[owners], NOBODY)
     return view
 
 

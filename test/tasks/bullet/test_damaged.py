@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,6 @@ import pytest
 
 from pga_me_ros.player.body_reader import BodyReader
 from pga_me_ros.tasks.bullet.world import FLOOR_FRICTION
-from pga_me_ros.tasks.registry import make_task
 from pga_me_ros.tasks.rollout import Episode, rollout
 
 DAMAGE = {
@@ -23,17 +22,13 @@ DAMAGE = {
 
 
 @pytest.fixture
-def make() -> Iterator[Callable[..., Any]]:
-    """Make tasks that are closed at the end."""
-    made: list[Any] = []
+def make(made: Callable[..., Any]) -> Callable[..., Any]:
+    """Make damaged tasks."""
 
     def new(damage: str = "", name: str = "qd_hopper", randomization: str = "") -> Any:
-        made.append(make_task(name, randomization, damage))
-        return made[-1]
+        return made(name, randomization, damage)
 
-    yield new
-    for task in made:
-        task.close()
+    return new
 
 
 def rng(seed: int) -> np.random.Generator:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -11,24 +11,19 @@ import pytest
 
 from pga_me_ros.tasks.bullet.randomized import PUSH_EVERY, PUSH_FOR
 from pga_me_ros.tasks.bullet.world import FLOOR_FRICTION
-from pga_me_ros.tasks.registry import make_task
 from pga_me_ros.tasks.rollout import Episode, rollout
 
 ALL = "mass 0.5 2, friction 0.2 2, torque 0.5 2, delay 0 3, noise 0 0.1, push 0 200"
 
 
 @pytest.fixture
-def make() -> Iterator[Callable[..., Any]]:
-    """Make tasks that are closed at the end."""
-    made: list[Any] = []
+def make(made: Callable[..., Any]) -> Callable[..., Any]:
+    """Make randomized tasks."""
 
     def new(randomization: str = "", name: str = "qd_hopper") -> Any:
-        made.append(make_task(name, randomization))
-        return made[-1]
+        return made(name, randomization)
 
-    yield new
-    for task in made:
-        task.close()
+    return new
 
 
 def rng(seed: int) -> np.random.Generator:
