@@ -83,7 +83,7 @@ def serve(sources: Sequence[Source], host: str, port: int, access: Access, title
 
 
 def _listen(host: str, port: int) -> socket.socket:
-    """Return a socket that is bound.
+    """Return a socket that listens.
 
     Raises:
         RequestError: It cannot be.
@@ -93,6 +93,7 @@ def _listen(host: str, port: int) -> socket.socket:
     listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
         listening.bind((host, port))
+        listening.listen()  # before its address is printed: whoever reads that is answered, not refused
     except (OSError, OverflowError) as error:
         listening.close()
         if isinstance(error, OSError) and error.errno == errno.EADDRINUSE:
