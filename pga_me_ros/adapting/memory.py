@@ -22,6 +22,9 @@ CREATE TABLE IF NOT EXISTS trial (
     uncertainty REAL NOT NULL, achieved REAL, given_up INTEGER NOT NULL, PRIMARY KEY (adaptation, number));
 """
 
+NO_MINIMUM = -1e308
+"""A least fitness that is none: what `adapt/start` has by default."""
+
 _BUSY = 2.0
 """Seconds to wait for another process that writes the file."""
 
@@ -45,6 +48,22 @@ class Undertaking:
     min_fitness: float
     max_fall_share: float
     id: int = 0
+
+    @property
+    def limits(self) -> dict[str, float]:
+        """The limits that there are, by name."""
+        limits = {}
+        if not self.min_fitness <= NO_MINIMUM:
+            limits["min_fitness"] = self.min_fitness
+        if not self.max_fall_share < 0.0:
+            limits["max_fall_share"] = self.max_fall_share
+        return limits
+
+    @property
+    def limits_in_words(self) -> str:
+        """The limits for people."""
+        words = [f"{name} {value:g}" for name, value in self.limits.items()]
+        return ", ".join(words) or "no limits"
 
 
 class Memory:
@@ -100,13 +119,14 @@ class Memory:
         )
         return Undertaking(*values, row)
 
-    def change_budget(self, undertaking: Undertaking, budget: int) -> None:
-        """Store another budget of an adaptation.
+    def change_budget(self, undertaking: Undertaking) -> None:
+        """Store the budget of an adaptation that is in the file with another.
 
         Raises:
             StorageError: The file cannot be written.
         """
-        self._write("UPDATE adaptation SET budget = ? WHERE id = ?", (budget, undertaking.id))
+        values = (undertaking.budget, undertaking.id)
+        self._write("UPDATE adaptation SET budget = ? WHERE id = ?", values)
 
     def store(self, undertaking: Undertaking, trial: Trial) -> None:
         """Store a trial, or what became of it.

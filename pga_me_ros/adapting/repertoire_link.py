@@ -59,15 +59,12 @@ class RepertoireLink:
             RequestError: There is none, or a limit makes no sense.
             RepertoireTimeoutError: No answer came.
         """
-        limits: dict[str, Any] = {}
-        if undertaking.min_fitness > -1e308:
-            limits["min_fitness"] = undertaking.min_fitness
-        if undertaking.max_fall_share >= 0.0:
-            limits["max_fall_share"] = undertaking.max_fall_share
+        limits: dict[str, Any] = undertaking.limits
         behaviors = list(self._client.list_behaviors(page=PAGE, **limits))
         if limits and not behaviors:
-            words = ", ".join(f"{name} {value:g}" for name, value in limits.items())
-            raise RequestError(f"No behavior of the repertoire meets {words}; ask for less.")
+            raise RequestError(
+                f"No behavior of the repertoire meets {undertaking.limits_in_words}; ask for less."
+            )
         info = self._client.get_info()
         dimensions = len(info.descriptor_low)
         descriptors = [b.promised_descriptor for b in behaviors]

@@ -16,7 +16,7 @@ from pga_me_ros.adapting.repertoire_link import RepertoireLink
 from pga_me_ros.core.adaptation.adaptation import Adaptation, AdaptationSettings, Trial
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.core.settings.field import setting
-from pga_me_ros.errors import RequestError
+from pga_me_ros.errors import RequestError, StorageError
 from pga_me_ros.ros import names, qos
 from pga_me_ros.ros.command_line import Program
 from pga_me_ros.ros.graph_node import GraphNode
@@ -72,24 +72,39 @@ class Adapter(GraphNode):
         budget = self._settings.budget if request.budget == -1 else request.budget
         if budget < 1:
             raise RequestError(f"budget is {budget}; give at least 1 trial, or -1 for the default.")
-        before = self._memory.last()
         info = self._repertoire.info()
-        if before and not request.anew:
-            undertaking, trials = before
-            adaptation = self._of(replace(undertaking, budget=budget), trials)
-            under_way = (trials and trials[-1].open) or not adaptation.over
-            if undertaking.run_id == info.run_id and under_way:
-                self._memory.change_budget(undertaking, budget)
-                self._take(replace(undertaking, budget=budget), adaptation)
-                response.message = f"Continues after {len(trials)} trials."
-                self._answer_start(response, adaptation)
-                return
         wanted = Undertaking(
             info.run_id, info.task, budget, request.min_fitness, request.max_fall_share
         )
-        adaptation = self._of(wanted, [])
-        self._take(self._memory.start(wanted), adaptation)
+        adaptation = None if request.anew else self._continued(wanted)
+        if adaptation:
+            response.message = f"Continues after {len(adaptation.trials)} trials."
+        else:
+            adaptation = self._of(wanted, [])
+            self._take(self._memory.start(wanted), adaptation)
         self._answer_start(response, adaptation)
+
+    def _continued(self, wanted: Undertaking) -> Adaptation | None:
+        """Return the last adaptation with another budget; None if it is over, or of another repertoire.
+
+        Raises:
+            RequestError: It is under way with other limits than those wanted.
+        """
+        before = self._memory.last()
+        if before is None or before[0].run_id != wanted.run_id:
+            return None
+        undertaking, trials = replace(before[0], budget=wanted.budget), before[1]
+        adaptation = self._of(undertaking, trials)
+        if adaptation.over:
+            return None
+        if wanted.limits != undertaking.limits:
+            raise RequestError(
+                f"An adaptation with {undertaking.limits_in_words} is under way, but {wanted.limits_in_words} is "
+                "asked for; ask for the same, or set anew to forget it."
+            )
+        self._memory.change_budget(undertaking)
+        self._take(undertaking, adaptation)
+        return adaptation
 
     def _answer_start(self, response: StartAdaptation.Response, adaptation: Adaptation) -> None:
         response.run_id = self._undertaking.run_id if self._undertaking else ""
@@ -103,12 +118,12 @@ class Adapter(GraphNode):
             known = len(adaptation.trials)
             trial = adaptation.next()
             if trial and len(adaptation.trials) > known:
-                self._memory.store(undertaking, trial)
+                self._store(undertaking, trial)
             answer = self._behavior_of(trial, with_controller=request.with_controller)
             if trial is None or answer:
                 break
             # A fitter one took its cell before it could be tried.
-            self._memory.store(undertaking, adaptation.give_up())
+            self._store(undertaking, adaptation.give_up())
             self._refresh(adaptation, undertaking)
         if trial is None:
             response.over, response.adapted = True, adaptation.adapted
@@ -141,10 +156,22 @@ class Adapter(GraphNode):
             trial = adaptation.give_up(request.trial)
         else:
             trial = adaptation.report(request.fitness, request.trial)
-        self._memory.store(undertaking, trial)
+        self._store(undertaking, trial)
         response.over = adaptation.over
         self.count_done()
         self._publish()
+
+    def _store(self, undertaking: Undertaking, trial: Trial) -> None:
+        """Write a trial into the memory; if that fails, only what the file says counts, so a request may be repeated.
+
+        Raises:
+            StorageError: The file cannot be written.
+        """
+        try:
+            self._memory.store(undertaking, trial)
+        except StorageError:
+            self._adaptation = None
+            raise
 
     def _status_of(self, _: GetAdaptation.Request, response: GetAdaptation.Response) -> None:
         if self._adaptation is None and self._memory.last():
@@ -178,14 +205,11 @@ class Adapter(GraphNode):
 
     def _of(self, undertaking: Undertaking, trials: list[Trial]) -> Adaptation:
         """Return an adaptation to the repertoire as it is now."""
-        self._changed = False
-        promises = self._repertoire.promises(undertaking)
         settings = replace(self._settings, budget=undertaking.budget)
-        return Adaptation(promises, settings, trials)
+        return Adaptation(self._repertoire.promises(undertaking), settings, trials)
 
     def _refresh(self, adaptation: Adaptation, undertaking: Undertaking) -> None:
         """List the repertoire again."""
-        self._changed = False
         info = self._repertoire.info()
         if info.run_id != undertaking.run_id:
             raise RequestError(
@@ -193,9 +217,12 @@ class Adapter(GraphNode):
                 f"{names.START_ADAPTATION}."
             )
         adaptation.promises = self._repertoire.promises(undertaking)
+        self._changed = False
 
     def _take(self, undertaking: Undertaking, adaptation: Adaptation) -> None:
+        """Go on with an adaptation whose repertoire has just been listed."""
         self._undertaking, self._adaptation = undertaking, adaptation
+        self._changed = False
 
     def _estimate(self) -> AdaptationEstimate:
         if self._adaptation is None or self._undertaking is None:

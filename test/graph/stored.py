@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -25,9 +26,11 @@ from pga_me_ros.core.networks.shapes import controller_shape
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.core.storage.repertoire import Repertoire
 from pga_me_ros.core.storage.run_info import RunInfo
+from pga_me_ros.ros.convert import flat, rates_to_msg
 from pga_me_ros.tasks.registry import load_task, task_spec
 from pga_me_ros.tasks.rollout import Episode, rollout
 
+RUN_ID = "run-of-the-tests"
 B = 10
 SETTINGS = Settings(
     task="qd_walker",
@@ -77,10 +80,26 @@ def solutions(generation: int) -> Solutions:
     )
 
 
+def to_add(generation: int, batch: Solutions) -> dict[str, Any]:
+    """Return the fields of the request that adds a generation to a repertoire that is served to grow."""
+    return {
+        "run_id": RUN_ID,
+        "generation": generation,
+        "operators": batch.operators.tolist(),
+        "parents": flat(batch.parents, "q"),
+        "fitness": flat(batch.fitness, "d"),
+        "descriptors": flat(batch.descriptors, "d"),
+        "steps": flat(batch.steps, "q"),
+        "terminated": batch.terminated.tolist(),
+        "parameters": flat(batch.parameters, "f"),
+        "rates": rates_to_msg(SETTINGS),
+    }
+
+
 def store(path: Path, generations: int = 2) -> Archive:
     """Write a repertoire file and return its archive."""
     info = RunInfo(
-        run_id="run-of-the-tests",
+        run_id=RUN_ID,
         settings=SETTINGS.to_dict(),
         task=SPEC.to_json(),
         layer_sizes=SHAPE.sizes,

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import resource
 import signal
 import time
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,8 +16,10 @@ import pytest
 from domain_coordinator import domain_id
 from graph import Graph, Probe, Started, wait_until
 from pga_me_msgs.msg import AdaptationEstimate
-from pga_me_msgs.srv import GetAdaptation, NextTrial, ReportTrial, StartAdaptation
+from pga_me_msgs.srv import AddToArchive, GetAdaptation, NextTrial, ReportTrial, StartAdaptation
+from stored import Served, served, solutions, to_add
 
+from pga_me_ros.adapting.memory import Memory
 from pga_me_ros.client import Adapter, Behavior
 from pga_me_ros.core.adaptation.adaptation import Adaptation
 from pga_me_ros.core.adaptation.performance_map import PerformanceMap
@@ -48,6 +52,21 @@ class Adapting:
         return self.call(
             ReportTrial, names.REPORT_TRIAL, trial=trial, fitness=float(fitness), **fields
         )
+
+    def achieved(self) -> list[float]:
+        """Return what each trial achieved, NaN for those that are open or given up."""
+        trials = self.call(GetAdaptation, names.ADAPTATION_STATUS).estimate.trials
+        return [trial.achieved for trial in trials]
+
+    @contextmanager
+    def full_disk(self) -> Iterator[None]:
+        """Keep the adapter from writing beyond the first byte of any file, like an exhausted quota."""
+        pid, free = self.node.process.pid, resource.RLIM_INFINITY
+        resource.prlimit(pid, resource.RLIMIT_FSIZE, (1, free))
+        try:
+            yield
+        finally:
+            resource.prlimit(pid, resource.RLIMIT_FSIZE, (free, free))
 
     def restart(self, number: signal.Signals = signal.SIGKILL) -> None:
         self.node.signal(number)
@@ -145,8 +164,7 @@ def test_a_trial_is_open_until_it_is_reported_properly_and_once(adapting: Adapti
     twice = adapting.report(1, 900.0)
     assert not twice.ok
     assert "Trial 1 is not open" in twice.message
-    trials = adapting.call(GetAdaptation, names.ADAPTATION_STATUS).estimate.trials
-    assert [trial.achieved for trial in trials] == [100.0]
+    assert adapting.achieved() == [100.0]
 
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
@@ -174,6 +192,85 @@ def test_what_is_given_up_is_not_tried_again(adapting: Adapting) -> None:
     cell = adapting.next().trial.cell
     assert adapting.report(1, give_up=True).ok
     assert adapting.next().trial.cell != cell
+
+
+def test_what_could_not_be_stored_does_not_count_and_may_be_said_again(
+    adapting: Adapting,
+) -> None:
+    adapting.start(anew=True, budget=5)
+    with adapting.full_disk():
+        assert_not_stored(adapting.start(anew=True, budget=1))
+        assert_not_stored(adapting.start(budget=1))
+        for _ in range(2):
+            assert_not_stored(adapting.next())
+    assert adapting.achieved() == []
+    first = adapting.next()
+    with adapting.full_disk():
+        assert_not_stored(adapting.report(1, 100.0))
+        assert_not_stored(adapting.report(1, give_up=True))
+    assert adapting.next().trial.cell == first.trial.cell
+    assert adapting.report(1, 100.0).ok
+    second = adapting.next()
+    assert adapting.report(2, give_up=True).ok
+    undertaking, trials = Memory(adapting.memory).last() or pytest.fail("nothing was stored")
+    assert undertaking.budget == 5
+    assert [t.cell for t in trials] == [first.trial.cell, second.trial.cell]
+    assert [(t.achieved, t.given_up) for t in trials] == [(100.0, False), (None, True)]
+
+
+def assert_not_stored(response: Any) -> None:
+    assert not response.ok
+    assert "cannot be written" in response.message
+
+
+def test_an_adaptation_is_not_continued_with_other_limits(adapting: Adapting) -> None:
+    adapting.start(anew=True, min_fitness=500.0)
+    cell = adapting.next().trial.cell
+    refused = adapting.start(max_fall_share=0.5)
+    assert not refused.ok
+    assert "min_fitness 500 is under way, but max_fall_share 0.5 is asked for" in refused.message
+    assert adapting.start(min_fitness=500.0).message == "Continues after 1 trials."
+    assert adapting.next().trial.cell == cell
+
+
+def test_it_goes_on_while_the_repertoire_grows(tmp_path: Path) -> None:
+    with served(tmp_path, generations=1, grow=True) as repertoire:
+        memory = tmp_path / "memory.db"
+        node = repertoire.graph.start("adapter", {"memory": memory})
+        adapting = Adapting(repertoire.graph, repertoire.probe, memory, node)
+        assert adapting.start().candidates == repertoire.archive.coverage
+        reported = adapting.next().trial
+        grow(repertoire, 1, reported)
+        # The robot had the behavior before another took its cell, so what it achieved counts.
+        assert adapting.report(1, reported.promised).ok
+        replaced = adapting.next().trial
+        assert (replaced.evaluation, replaced.promised) == (fittest(repertoire), 2000.0)
+        assert adapting.start().candidates == repertoire.archive.coverage
+        grow(repertoire, 2, replaced)
+        given = adapting.next()
+        assert given.ok, given.message
+        assert (given.trial.number, given.trial.promised) == (3, 3000.0)
+        evaluation, cell = fittest(repertoire), given.trial.cell
+        assert (given.trial.evaluation, given.behavior.evaluation) == (evaluation, evaluation)
+        parameters = np.array(given.controller.parameters, np.float32)
+        np.testing.assert_array_equal(parameters, repertoire.archive.parameters[cell])
+        estimate = adapting.call(GetAdaptation, names.ADAPTATION_STATUS).estimate
+        assert list(estimate.cells) == np.flatnonzero(repertoire.archive.filled).tolist()
+        assert [trial.given_up for trial in estimate.trials] == [False, True, False]
+
+
+def grow(repertoire: Served, generation: int, trial: Any) -> None:
+    """Add a generation, one of which takes the cell of a trial, and the others any."""
+    batch = solutions(generation)
+    batch.fitness[0], batch.descriptors[0] = 1000.0 * (generation + 1), trial.descriptor
+    answer = repertoire.probe.call(AddToArchive, "archive/add", **to_add(generation, batch))
+    assert answer.accepted, answer.message
+    repertoire.archive.add(batch)
+
+
+def fittest(repertoire: Served) -> int:
+    archive = repertoire.archive
+    return int(archive.evaluations[np.nanargmax(archive.fitness)])
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ from nav_msgs.msg import OccupancyGrid
 from pga_me_msgs.msg import Elites, Metrics
 from pga_me_msgs.srv import AddToArchive, GetBehavior, GetInfo, SampleParents
 from sensor_msgs.msg import Image
-from stored import SETTINGS, B, Served, parameters, served, solutions, store
+from stored import SETTINGS, B, Served, parameters, served, solutions, store, to_add
 
 from pga_me_ros.core.algorithms import algorithm_of
 from pga_me_ros.core.archive.archive import Archive
@@ -36,20 +36,7 @@ def growing(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
 
 def generation_1(**changes: Any) -> dict[str, Any]:
     """Return the fields of the request that adds the second generation."""
-    batch = solutions(1)
-    return {
-        "run_id": "run-of-the-tests",
-        "generation": 1,
-        "operators": batch.operators.tolist(),
-        "parents": flat(batch.parents, "q"),
-        "fitness": flat(batch.fitness, "d"),
-        "descriptors": flat(batch.descriptors, "d"),
-        "steps": flat(batch.steps, "q"),
-        "terminated": batch.terminated.tolist(),
-        "parameters": flat(batch.parameters, "f"),
-        "rates": rates_to_msg(SETTINGS),
-        **changes,
-    }
+    return {**to_add(1, solutions(1)), **changes}
 
 
 def sample(**changes: Any) -> dict[str, Any]:
