@@ -156,7 +156,7 @@ def _parser() -> argparse.ArgumentParser:
         "--html",
         type=user_path,
         metavar="FILE",
-        help="write one file with everything in it, in place of serving a page",
+        help="write everything into one file instead of serving a page",
     )
     parser.add_argument(
         "--motions",
@@ -170,13 +170,13 @@ def _parser() -> argparse.ArgumentParser:
         type=_not_negative,
         default=UNSEEN,
         metavar="N",
-        help=f"seed of the start that the run has not seen ({UNSEEN})",
+        help=f"seed of a start that the run has not seen ({UNSEEN})",
     )
     parser.add_argument(
         "--randomization",
         default="",
         metavar="TEXT",
-        help="also play each gait in a changed world, for example 'mass 0.8 1.2, friction 0.6 1.2'",
+        help="also play each gait in a randomized world, for example 'mass 0.8 1.2, friction 0.6 1.2'",
     )
     parser.add_argument(
         "--host", default="127.0.0.1", help="address to serve on (127.0.0.1: this machine only)"

@@ -86,7 +86,7 @@ class GraphSource:
             self.problem = ""
             if info.growing and self._heard and silent > SILENT_AFTER:
                 self.problem = (
-                    f"The run has not been heard for {silent:.0f} s; the page shows its last state."
+                    f"No message from the run for {silent:.0f} s; the page shows its last state."
                 )
             now = (info.generation, info.corrected_repeats)
             if now != self._shown:

@@ -72,7 +72,7 @@ def serve(sources: Sequence[Source], host: str, port: int, access: Access, title
     reach = (
         "this machine only" if is_loopback(host) else "everybody who can reach it, with this token"
     )
-    steer = "and can control the run" if access.control else "and only looks"
+    steer = "and can control the run" if access.control else "and is read-only"
     print(f"The page is for {reach} {steer}; Ctrl-C ends it.", file=sys.stderr)
     print(address, flush=True)
     try:

@@ -80,7 +80,7 @@ class Guard:
         request = Request(scope)
         if self._access.hosts and request.url.hostname not in self._access.hosts:
             known = ", ".join(self._access.hosts)
-            return f"The explorer is not reached as '{request.url.hostname}'; use one of {known}."
+            return f"The explorer does not answer to the name '{request.url.hostname}'; use one of {known}."
         if scope["method"] == "POST" and MARK not in dict(scope["headers"]):
             return "Only the explorer's own page may send this."
         if self._access.token:
@@ -197,14 +197,16 @@ class Server:
 
     async def _control(self, request: Request) -> Response:
         if not self._access.control:
-            raise RequestError("This page only looks; start the explorer with --control to steer.")
+            raise RequestError(
+                "This page is read-only; start the explorer with --control to control the run."
+            )
         run = request.path_params["run"]
         self._content(run)
         try:
             asked = json.loads(await request.body())
             action, values = str(asked["action"]), dict(asked.get("values", {}))
         except (ValueError, KeyError, TypeError) as error:
-            raise RequestError(f"The request makes no sense ({error}).") from None
+            raise RequestError(f"The request is malformed ({error}).") from None
         loop = asyncio.get_running_loop()
         said = await loop.run_in_executor(
             self._simulating, self._sources[run].control, action, values

@@ -97,7 +97,7 @@ class StoredSource:
         try:
             self._run = StoredRun.load(self._path)
         except (PgaError, OSError) as error:
-            self.problem = f"{error} The page shows what was read before."
+            self.problem = f"{error} The page shows the last state that could be read."
             return
         self._stamp, self.problem = stamp, ""
         self.content = self._described()
@@ -122,7 +122,9 @@ class StoredSource:
 
     def control(self, action: str, values: dict[str, Any]) -> str:
         """See `Source`."""
-        raise RequestError("This page shows a file; a run is controlled on the page of its graph.")
+        raise RequestError(
+            "This page shows a stored run; open the page of its graph to control it."
+        )
 
     def close(self) -> None:
         """See `Source`."""

@@ -137,7 +137,7 @@ def test_only_the_page_itself_may_ask(server: Server) -> None:
     assert server.get("", Host="evil.example")[0] == 403
     assert server.get("api/control/0", b"{}")[0] == 403
     status, words = server.get("api/control/0", b'{"action": "stop"}', X_Explorer="1")
-    assert (status, b"shows a file" in words) == (400, True)
+    assert (status, b"shows a stored run" in words) == (400, True)
 
 
 def test_a_page_for_others_needs_its_token_and_only_looks() -> None:
@@ -183,7 +183,7 @@ def test_the_page_follows_its_files(page: Any, folder: Path, new_run: Callable[.
     file.write_bytes(b"no database" * 100)
     page.wait("!document.getElementById('message').hidden")
     assert "repertoire.db" in page.page.inner_text("#message")
-    assert "what was read before" in page.page.inner_text("#message")
+    assert "the last state that could be read" in page.page.inner_text("#message")
     assert page.eval("document.querySelectorAll('.cell.elite').length") == elites
     replace(more / "repertoire.db", file)
     page.wait("document.getElementById('message').hidden")

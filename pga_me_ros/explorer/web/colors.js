@@ -74,7 +74,7 @@ const Colors = (() => {
       const text = measure.percent ? Numbers.percent : Numbers.text;
       parts.push(word(measure.title), word(text(low)), Page.make("span", { class: "ramp", style: `background:${ramp(measure.ramp)}` }), word(text(high)));
       if (runs.some((run) => run.elites.some((e) => measure.value(e) === null))) {
-        parts.push(swatch("var(--soft)", "not evaluated again"));
+        parts.push(swatch("var(--soft)", "not re-evaluated"));
       }
     }
     parts.push(swatch("var(--empty)", "empty"));

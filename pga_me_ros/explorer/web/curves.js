@@ -63,14 +63,14 @@ const Curves = (() => {
   const of = (run, word = "to") => (Store.state.runs.length > 1 ? ` ${word} ${run.caption}` : "");
 
   const CORRECTED = [
-    ["elites", "elites evaluated again"], ["repeats", "evaluations of each, at least"], ["coverage", "corrected coverage"], ["qd_score", "corrected QD-score"],
-    ["max_fitness", "best mean fitness"], ["mean_fitness", "mean fitness"], ["fitness_difference", "luck in the fitness found with"],
+    ["elites", "re-evaluated elites"], ["repeats", "re-evaluations of each, at least"], ["coverage", "corrected coverage"], ["qd_score", "corrected QD-score"],
+    ["max_fitness", "best mean fitness"], ["mean_fitness", "mean fitness"], ["fitness_difference", "luck in the fitness when found"],
     ["fitness_spread", "spread of fitness"], ["descriptor_error", "distance from descriptor to its mean"], ["fall_share", "share of falls"],
   ];
 
   function corrected(run) {
     if (!run.corrected && run.served) return Page.make("p", { class: "hint" }, "The curves begin when this explorer was started.");
-    if (!run.corrected) return Page.make("p", { class: "hint" }, `Not all gaits${of(run, "of")} were evaluated again: ros2 run pga_me_ros reevaluate ${Commands.word(run.run.name)}`);
+    if (!run.corrected) return Page.make("p", { class: "hint" }, `Not all gaits${of(run, "of")} were re-evaluated: ros2 run pga_me_ros reevaluate ${Commands.word(run.run.name)}`);
     const rows = CORRECTED.map(([key, title]) => [title, key === "fall_share" ? Numbers.percent(run.corrected[key]) : Numbers.text(run.corrected[key])]);
     return table(`What the gaits${of(run, "of")} are worth on average`, ["measure", "value"], rows);
   }

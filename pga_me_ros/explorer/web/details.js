@@ -51,19 +51,19 @@ const Details = (() => {
     const list = [
       ["cell", String(elite.cell)],
       ["descriptor", `${names}: ${Numbers.list(elite.descriptor)} when found`],
-      ["found with", `fitness ${Numbers.text(elite.fitness)} in ${Numbers.text(elite.steps * run.spec.control_period)} s${elite.terminated ? ", then fell" : ""}`],
+      ["when found", `fitness ${Numbers.text(elite.fitness)} in ${Numbers.text(elite.steps * run.spec.control_period)} s${elite.terminated ? ", then fell" : ""}`],
     ];
     if (elite.judged) {
       const spread = elite.fitness_spread === null ? "" : ` ± ${Numbers.text(elite.fitness_spread)}`;
       const where = elite.mean_cell === elite.cell ? "the same cell" : `cell ${elite.mean_cell}`;
       list.push(
-        ["on average", `fitness ${Numbers.text(elite.mean_fitness)}${spread} in ${elite.repeats} further evaluations`],
-        ["luck", `${Numbers.text(elite.fitness - elite.mean_fitness)} of the fitness it was found with`],
+        ["on average", `fitness ${Numbers.text(elite.mean_fitness)}${spread} in ${elite.repeats} re-evaluations`],
+        ["luck", `${Numbers.text(elite.fitness - elite.mean_fitness)} of the fitness when found`],
         ["falls", Numbers.percent(elite.fall_share)],
         ["mean descriptor", `${Numbers.list(elite.mean_descriptor)}, in ${where}`],
       );
     } else {
-      list.push(["on average", "unknown: not evaluated again"]);
+      list.push(["on average", "unknown: not re-evaluated"]);
     }
     const parents = elite.parents.length ? elite.parents.flatMap((p, i) => (i ? [" and ", parent(run, p)] : [parent(run, p)])) : ["no parents"];
     list.push(["lineage", [`evaluation ${elite.evaluation}, generation ${elite.generation}, by ${run.operators[elite.made_by] || elite.made_by}, from `, ...parents]]);

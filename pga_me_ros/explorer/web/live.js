@@ -72,7 +72,7 @@ const Live = (() => {
 
   function progress(p) {
     if (!p) return "No run is under way; the repertoire is served.";
-    const again = p.final_budget ? `, evaluated again ${p.final_reevaluations} of ${p.final_budget}` : "";
+    const again = p.final_budget ? `, ${p.final_reevaluations} of ${p.final_budget} re-evaluations` : "";
     return `${p.state}: generation ${p.generation + 1} of ${p.generations}, ${Numbers.text(p.evaluations)} of ${Numbers.text(p.budget)} evaluations${again}, ${Numbers.text(p.rate)} per second, ${time(p.eta)} left, ${p.evaluators} evaluators, ${p.restarts} restarts`;
   }
 
@@ -101,7 +101,7 @@ const Live = (() => {
         button("resume", "Resume run"),
         button("stop", "Stop run"),
         Page.make("button", { type: "button", id: "show-rates", disabled: !control, onclick: () => send(index, "rates") }, "Rates"),
-        Page.make("output", { id: "said" }, control ? "" : "This page only looks: the explorer was started without --control."),
+        Page.make("output", { id: "said" }, control ? "" : "This page is read-only; --control lets it control the run."),
       ),
       panel.rates,
       panel.nodes,

@@ -13,13 +13,13 @@ const Maps = (() => {
     const lines = [
       `cell ${cell}`,
       `descriptor ${Numbers.list(elite.promised)}${elite.judged ? " on average" : ""}`,
-      `found with fitness ${Numbers.text(elite.fitness)}`,
+      `fitness ${Numbers.text(elite.fitness)} when found`,
     ];
     if (elite.judged) {
       const spread = elite.fitness_spread === null ? "" : ` ± ${Numbers.text(elite.fitness_spread)}`;
       lines.push(`mean of ${elite.repeats}: ${Numbers.text(elite.mean_fitness)}${spread}, falls ${Numbers.percent(elite.fall_share)}`);
     } else {
-      lines.push("not evaluated again");
+      lines.push("not re-evaluated");
     }
     lines.push(`${run.operators[elite.made_by] || elite.made_by}, generation ${elite.generation}, parents ${elite.parents.join(", ") || "none"}`);
     return lines.join("\n");

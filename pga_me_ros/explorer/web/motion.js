@@ -77,7 +77,7 @@ const Motions = (() => {
     const own = run.motions && run.motions[cell];
     if (own && own[start]) return Motion.read(own[start]);
     if (run.simulates) return Motion.read(await Live.motion(run, cell, start));
-    throw new Error(`The motion of cell ${cell} is not in this file; it has those of ${Object.keys(run.motions).length} gaits. Write it again with a greater --motions.`);
+    throw new Error(`The motion of cell ${cell} is not in this file; it has those of ${Object.keys(run.motions).length} gaits. Write it again with a larger --motions.`);
   }
 
   return { find };

@@ -67,7 +67,7 @@ const Player = (() => {
     }
     const { motion } = lanes[0];
     const { distance, speed } = Motion.progress(motion, Math.min(time, motion.end));
-    const outcome = `fitness ${Numbers.text(motion.fitness)}${motion.fell ? `, falls at ${motion.length.toFixed(2)} s` : ""}${motion.kept === false ? ", not as it was found: other library versions" : ""}`;
+    const outcome = `fitness ${Numbers.text(motion.fitness)}${motion.fell ? `, falls at ${motion.length.toFixed(2)} s` : ""}${motion.kept === false ? ", differs from the stored evaluation: other library versions" : ""}`;
     place.textContent = `${time.toFixed(2)} of ${end().toFixed(2)} s · ${distance.toFixed(2)} m · ${speed.toFixed(2)} m/s · ${outcome}`;
   }
 
@@ -96,11 +96,11 @@ const Player = (() => {
     const chosen = lanes[0];
     const keep = chosen && pinned.length < MOST - 1 && !pinned.some((lane) => same(lane, chosen));
     const kept = pinned.map((lane) =>
-      Page.make("button", { type: "button", onclick: () => unpin(lane), "aria-label": `Take away ${name(lane)}` }, `✕ ${name(lane)}`),
+      Page.make("button", { type: "button", onclick: () => unpin(lane), "aria-label": `Remove ${name(lane)}` }, `✕ ${name(lane)}`),
     );
     Page.replace(
       Page.byId("lanes"),
-      keep ? Page.make("button", { type: "button", id: "pin", onclick: pin }, "Keep beside the next") : null,
+      keep ? Page.make("button", { type: "button", id: "pin", onclick: pin }, "Keep for comparison") : null,
       ...kept,
     );
   }
@@ -119,7 +119,7 @@ const Player = (() => {
   function startTitle(key) {
     const [kind, seed] = key.split(":");
     if (kind === "evaluation") return "start of its evaluation";
-    return kind === "unseen" ? `start never seen, seed ${seed}` : `changed world, seed ${seed}: ${key.split(":").slice(2).join(":")}`;
+    return kind === "unseen" ? `unseen start, seed ${seed}` : `randomized, seed ${seed}: ${key.split(":").slice(2).join(":")}`;
   }
 
   // Where the server simulates, any start may be asked for.
@@ -130,8 +130,8 @@ const Player = (() => {
     const field = (name, title, attributes) => Page.make("label", {}, title, Page.make("input", { name, id: `world-${name}`, autocomplete: "off", ...attributes }));
     form.append(
       field("seed", "Seed", { value: "2", inputmode: "numeric", pattern: "[0-9]+", required: true }),
-      field("ranges", "Changed world", { class: "wide", placeholder: "mass 0.8 1.2, friction 0.6 1.2" }),
-      Page.make("button", { type: "submit", id: "world-go" }, "Start there"),
+      field("ranges", "Randomization", { class: "wide", placeholder: "mass 0.8 1.2, friction 0.6 1.2" }),
+      Page.make("button", { type: "submit", id: "world-go" }, "Start"),
     );
     form.addEventListener("submit", (event) => {
       event.preventDefault();

@@ -17,7 +17,7 @@ const Stage = (() => {
     try {
       renderer = new THREE.WebGLRenderer({ antialias: true, preserveDrawingBuffer: true });
     } catch (error) {
-      return `This browser draws no 3-D (WebGL): ${error.message}`;
+      return `This browser cannot draw 3-D (WebGL): ${error.message}`;
     }
     scene = new THREE.Scene();
     THREE.Object3D.DefaultUp.set(0, 0, 1);
