@@ -11,7 +11,7 @@ REV ?= HEAD
 OLDER ?=
 WORKERS ?= 4
 
-BENCHES := rollout reset critic pg_variation graph archive scaling paper_scale
+BENCHES := startup rollout reset critic pg_variation graph archive scaling paper_scale
 
 SETUP := PYTHON="$(PYTHON)" scripts/setup.sh
 IN_VENV := . .venv/setup.bash &&

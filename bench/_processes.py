@@ -37,7 +37,9 @@ def start_run(
     return subprocess.Popen([sys.executable, *command], stdout=subprocess.DEVNULL, env=environment)
 
 
-def python_of(tree: Path, *arguments: str, **options: Any) -> subprocess.Popen[Any]:
+def python_of(
+    tree: Path, *arguments: str, variables: Mapping[str, str] | None = None, **options: Any
+) -> subprocess.Popen[Any]:
     """Start the Python of a clone that is set up, in an environment of its own.
 
     This process's environment names another clone: the ROS wheels add their folders to it when Python starts.
@@ -45,12 +47,14 @@ def python_of(tree: Path, *arguments: str, **options: Any) -> subprocess.Popen[A
     Args:
         tree: The clone.
         arguments: Arguments of Python.
+        variables: Environment variables besides.
         options: Further arguments of `subprocess.Popen`.
     """
     kept = ("HOME", "LANG", "TMPDIR", "ROS_DOMAIN_ID")
     environment = {name: os.environ[name] for name in kept if name in os.environ}
     environment["PATH"] = os.defpath
     environment["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+    environment |= variables or {}
     command = ["bash", "-c", '. "$0/.venv/setup.bash" && exec python "$@"', str(tree), *arguments]
     return subprocess.Popen(command, cwd=tree, env=environment, **options)
 
@@ -66,7 +70,7 @@ def wait_for_generation(process: subprocess.Popen[bytes], file: Path, generation
 def kinds_of_processes(orchestrator: int) -> list[tuple[int, str]]:
     """Return process id and kind, such as 'evaluator', of each of a run's processes; without those that have ended."""
     out = []
-    for pid in [orchestrator, *_children_of(orchestrator)]:
+    for pid in [orchestrator, *children_of(orchestrator)]:
         try:
             arguments = Path(f"/proc/{pid}/cmdline").read_bytes().decode().split("\0")
         except OSError:
@@ -127,7 +131,7 @@ def _threads(pid: int) -> list[Path]:
         return []
 
 
-def _children_of(pid: int) -> list[int]:
+def children_of(pid: int) -> list[int]:
     try:
         return [
             int(child)
