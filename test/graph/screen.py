@@ -5,6 +5,8 @@ from __future__ import annotations
 import fcntl
 import os
 import re
+import select
+import signal
 import struct
 import subprocess
 import termios
@@ -14,7 +16,7 @@ from pathlib import Path
 
 
 class Terminal:
-    """A pseudo-terminal of a given width, with a program in it.
+    """A pseudo-terminal of a given width, with a program in it, which is the leader of its session as in a login.
 
     Args:
         command: The program and its arguments.
@@ -30,10 +32,19 @@ class Terminal:
         self._ours, theirs = os.openpty()
         fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", 24, columns, 0, 0))
         self.process = subprocess.Popen(
-            command, stdin=theirs, stdout=theirs, stderr=theirs, env=environment, cwd=folder
+            command,
+            stdin=theirs,
+            stdout=theirs,
+            stderr=theirs,
+            env=environment,
+            cwd=folder,
+            start_new_session=True,
+            preexec_fn=_take_terminal,
         )
         os.close(theirs)
+        self._end_of_reading, self._stop_reading = os.pipe()
         self._written = b""
+        self._is_open = True
         self._reader = threading.Thread(target=self._read)
         self._reader.start()
 
@@ -42,20 +53,46 @@ class Terminal:
         """The lines on the screen, from the first."""
         return rows(self._written.decode(errors="replace"), self.columns)
 
+    def type(self, keys: bytes) -> None:
+        """Press keys; Ctrl-C is ``b"\\x03"``."""
+        os.write(self._ours, keys)
+
+    def hang_up(self) -> None:
+        """Close the terminal's window: the kernel tells the program so, and its output is lost from now on."""
+        os.close(self._stop_reading)
+        self._let_go()
+
     def close(self) -> None:
-        """Wait for the program to end, after which nothing more is written."""
+        """Kill the program if it still runs; wait until nothing more is written."""
         self.process.kill()
         self.process.wait()
+        if self._is_open:
+            self._let_go()
+            os.close(self._stop_reading)
+
+    def _let_go(self) -> None:
         self._reader.join()
         os.close(self._ours)
+        os.close(self._end_of_reading)
+        self._is_open = False
 
     def _read(self) -> None:
         while True:
             try:
+                ready, _, _ = select.select([self._ours, self._end_of_reading], [], [])
+                if self._end_of_reading in ready:
+                    return
                 piece = os.read(self._ours, 65536)
             except OSError:
                 return  # the program and all its children have ended
             self._written += piece
+
+
+def _take_terminal() -> None:
+    """Make the terminal on standard input that of this process, which then gets the signals of its keys."""
+    fcntl.ioctl(0, termios.TIOCSCTTY, 0)
+    # A test may run in the background of a shell, where Ctrl-C is ignored.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def rows(text: str, columns: int) -> list[str]:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import re
 import signal
+import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,13 +15,14 @@ from typing import Any
 import numpy as np
 import pytest
 from domain_coordinator import domain_id
-from graph import Graph, Probe, Started, wait_until
+from graph import DEADLINE, TINY, Graph, Probe, Started, ros_arguments, wait_until
 from pga_me_msgs.msg import Progress, Transitions
 from pga_me_msgs.srv import Evaluate
 from processes import children, wait_for_no_children
 from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.parameter import Parameter
 from reference import run_digest, search_digest
+from screen import Terminal
 from std_srvs.srv import Trigger
 
 from pga_me_ros.core.networks.mlp import MlpShape
@@ -30,6 +34,8 @@ from pga_me_ros.ros.convert import flat
 SOON = 5.0
 """Seconds within which a run ends after it was told to stop."""
 
+COLUMNS = 200
+
 LONG = {"evaluations": 100_000}
 """Parameters of a run that does not end by itself within a test."""
 
@@ -40,26 +46,58 @@ def under_way(graph: Graph, run_dir: Path, **parameters: Any) -> Started:
     return run
 
 
+@contextmanager
+def in_terminal(graph: Graph, run_dir: Path) -> Iterator[Terminal]:
+    """Start an endless run in a terminal, and wait until it is under way."""
+    values = {**TINY, **LONG, "run_dir": run_dir}
+    command = [sys.executable, "-m", "pga_me_ros.nodes.orchestrator", *ros_arguments(values)]
+    terminal = Terminal(command, COLUMNS, graph.environment, graph.folder)
+    try:
+        under_way = re.compile("generation (?!0/|1/)")
+        wait_until(lambda: any(map(under_way.search, terminal.rows)), "generation 2")
+        yield terminal
+    finally:
+        terminal.close()
+
+
 def end(run: Started) -> None:
     run.signal(signal.SIGTERM)
     run.wait()
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=["Ctrl-C", "SIGTERM"])
+def press_ctrl_c(terminal: Terminal) -> None:
+    terminal.type(b"\x03")
+
+
+def terminate(terminal: Terminal) -> None:
+    terminal.process.send_signal(signal.SIGTERM)
+
+
+@pytest.mark.parametrize("tell_to_end", [press_ctrl_c, terminate])
 def test_a_signal_stops_soon_and_says_how_to_resume(
-    graph: Graph, tmp_path: Path, number: signal.Signals
+    graph: Graph, tmp_path: Path, tell_to_end: Callable[[Terminal], None]
 ) -> None:
     run_dir = tmp_path / "run"
-    run = under_way(graph, run_dir, **LONG)
-    sent = time.monotonic()
-    run.signal(number)
-    assert run.wait() == 0, run.output
+    with in_terminal(graph, run_dir) as terminal:
+        sent = time.monotonic()
+        tell_to_end(terminal)
+        assert terminal.process.wait(DEADLINE) == 0, terminal.rows
     assert time.monotonic() - sent < SOON
     assert not children(run_dir)
-    assert "evaluations are safe" in run.output
-    assert "the same command resumes" in run.output
-    assert "Traceback" not in run.output
-    assert "Exception in" not in run.output
+    output = "\n".join(terminal.rows)
+    assert "evaluations are safe" in output
+    assert "the same command resumes" in output
+    assert "Traceback" not in output
+    assert "Exception in" not in output
+
+
+def test_a_run_ends_as_a_whole_when_its_terminal_is_closed(graph: Graph, tmp_path: Path) -> None:
+    run_dir = tmp_path / "run"
+    with in_terminal(graph, run_dir) as terminal:
+        assert len(children(run_dir)) == 4
+        terminal.hang_up()
+        assert terminal.process.wait(SOON) == -signal.SIGHUP
+    wait_for_no_children(run_dir)
 
 
 def test_a_stopped_run_resumes_with_the_same_command(graph: Graph, tmp_path: Path) -> None:
