@@ -54,6 +54,7 @@ setup(
         ),
         (f"share/{PACKAGE}/config", sorted(glob("config/*.*"))),
         (f"share/{PACKAGE}/config/experiments", sorted(glob("config/experiments/*"))),
+        (f"share/{PACKAGE}/config/hardware", sorted(glob("config/hardware/*"))),
         (f"share/{PACKAGE}/config/presets", sorted(glob("config/presets/*"))),
         (f"lib/{PACKAGE}", [f"resource/executables/{name}" for name in EXECUTABLES]),
     ],

@@ -19,10 +19,13 @@ OFFERS = {"create_publisher": "topic", "serve": "service", "create_service": "se
 STANDARD = {
     "Clock": "rosgraph_msgs",
     "DiagnosticArray": "diagnostic_msgs",
+    "Float64MultiArray": "std_msgs",
     "Image": "sensor_msgs",
+    "Imu": "sensor_msgs",
     "JointState": "sensor_msgs",
     "OccupancyGrid": "nav_msgs",
     "Odometry": "nav_msgs",
+    "SetBool": "std_srvs",
     "String": "std_msgs",
     "TFMessage": "tf2_msgs",
     "Trigger": "std_srvs",
@@ -72,6 +75,9 @@ class Offer:
 def offers() -> list[Offer]:
     """Return what the nodes offer according to the calls in their source code, sorted."""
     found = set(_drawn())
+    # The mapping file names this topic; that is the name in the files that come with the package.
+    controller = PACKAGE / "nodes" / "controller.py"
+    found.add(_made("COMMANDS", "topic", "Float64MultiArray", "COMMANDS", controller))
     for path in sorted(PACKAGE.rglob("*.py")):
         for node in ast.walk(ast.parse(path.read_text())):
             if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute):

@@ -8,11 +8,13 @@ from pga_me_ros.core.adaptation.adaptation import AdaptationSettings
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.core.settings.rules import RULES
 from pga_me_ros.core.settings.run import ALGORITHM_NAMES
+from pga_me_ros.hardware.settings import HardwareSettings
 from pga_me_ros.nodes.adapter import AdapterSettings
 from pga_me_ros.nodes.archive_manager import ArchiveManagerSettings
 from pga_me_ros.nodes.evaluator import EvaluatorSettings
 from pga_me_ros.player.settings import PlayerSettings
 from pga_me_ros.recording.settings import RecorderSettings
+from pga_me_ros.ros.choice import ChoiceSettings
 from pga_me_ros.ros.options import ChildOptions, RunOptions
 from pga_me_ros.ros.parameter_help import parameter_table
 
@@ -67,6 +69,9 @@ has no use for is refused.
 ## adapter
 
 {adapter}
+## controller
+
+{controller}
 ## behavior_player
 
 {player}
@@ -107,7 +112,8 @@ def page() -> str:
         evaluator=parameter_table(EvaluatorSettings),
         archive=parameter_table(ArchiveManagerSettings),
         adapter=parameter_table(AdapterSettings, AdaptationSettings),
-        player=parameter_table(PlayerSettings),
+        controller=parameter_table(ChoiceSettings, HardwareSettings),
+        player=parameter_table(ChoiceSettings, PlayerSettings),
         recorder=parameter_table(RecorderSettings),
         child=parameter_table(ChildOptions),
     )

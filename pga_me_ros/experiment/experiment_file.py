@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
-
-import yaml
 
 from pga_me_ros.core.settings.rules import RULES
 from pga_me_ros.errors import PgaError, SettingsError, nearest_name
 from pga_me_ros.experiment.plan import Experiment, System
+from pga_me_ros.yaml_files import read_yaml
 
 KEYS = ("systems", "tasks", "seeds", "budget", "settings", "reference", "reevaluations")
 LAYOUT = "expected the keys systems, tasks, seeds and budget; docs/experiment.md has an example"
@@ -23,20 +22,6 @@ REFERENCE = "pga_map_elites"
 """Default reference system: p-values compare the others with it (section 4.4)."""
 
 
-class _Loader(yaml.SafeLoader):
-    """Refuses a key that is given twice, for which YAML would silently use the last value."""
-
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
-        keys = [self.construct_object(key, deep=True) for key, _ in node.value]
-        for place, key in enumerate(keys):
-            if key in keys[:place]:
-                mark = node.value[place][0].start_mark
-                raise yaml.constructor.ConstructorError(
-                    problem=f"'{key}' is given twice", problem_mark=mark
-                )
-        return super().construct_mapping(node, deep)
-
-
 def read_experiment(path: Path) -> Experiment:
     """Read an experiment file and check all of it.
 
@@ -46,32 +31,11 @@ def read_experiment(path: Path) -> Experiment:
     Raises:
         SettingsError: The file is missing, is not YAML, or has an invalid key or value.
     """
-    content = _loaded(path)
+    content = read_yaml(path, "experiment file", LAYOUT)
     try:
         return _experiment(content)
     except PgaError as error:
         raise SettingsError(f"Experiment file '{path}': {error}") from None
-
-
-def _loaded(path: Path) -> Any:
-    try:
-        return yaml.load(path.read_text(), _Loader)
-    except FileNotFoundError:
-        near = nearest_name(path.name, [p.name for p in path.parent.glob("*.yaml")])
-        raise SettingsError(
-            f"There is no experiment file '{path}'{near}; give the path of a YAML file."
-        ) from None
-    except OSError as error:
-        raise SettingsError(
-            f"Experiment file '{path}' cannot be read ({error.strerror}); give the path of a YAML file."
-        ) from None
-    except (yaml.YAMLError, UnicodeDecodeError, TypeError) as error:
-        mark = getattr(error, "problem_mark", None)
-        where = f" at line {mark.line + 1}" if mark else ""
-        problem = getattr(error, "problem", None) or getattr(error, "reason", None) or error
-        raise SettingsError(
-            f"Experiment file '{path}' is not valid YAML{where}: {problem}; {LAYOUT}."
-        ) from None
 
 
 def _experiment(content: Any) -> Experiment:

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import math
 import os
 import threading
+import time
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,26 +17,30 @@ from nav_msgs.msg import Odometry
 from rclpy.executors import ExternalShutdownException
 from rclpy.task import Future
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import JointState
-from std_msgs.msg import String
+from sensor_msgs.msg import Imu, JointState
+from std_msgs.msg import Float64MultiArray, String
 from tf2_msgs.msg import TFMessage
 
-from pga_me_ros.core.evaluation import as_evaluated, evaluation_rng
+from pga_me_ros.arrays import Float32Array
+from pga_me_ros.core.evaluation import Act, as_evaluated, evaluation_rng
 from pga_me_ros.core.settings import Settings
-from pga_me_ros.errors import TaskError
+from pga_me_ros.errors import RequestError, TaskError
+from pga_me_ros.hardware.timing import spread
 from pga_me_ros.player.body_reader import BodyReader
+from pga_me_ros.player.commanded import CommandedJoints, SensorMessages
 from pga_me_ros.player.display import require_display
 from pga_me_ros.player.gait import Gait
 from pga_me_ros.player.messages import RobotMessages, stamp_of
 from pga_me_ros.player.model import RobotModel, RobotState
 from pga_me_ros.player.pace import Pace
 from pga_me_ros.player.promise import average, is_kept, kept, lasted
-from pga_me_ros.player.settings import PlayerSettings, wanted
+from pga_me_ros.player.settings import PlayerSettings, require_sense
 from pga_me_ros.player.source import Served, Source, Stored
 from pga_me_ros.player.urdf import urdf
 from pga_me_ros.player.watched_rollout import watched_rollout
 from pga_me_ros.player.window import Window
 from pga_me_ros.ros import names, qos
+from pga_me_ros.ros.choice import ChoiceSettings, wanted
 from pga_me_ros.ros.command_line import Program
 from pga_me_ros.ros.graph_node import GraphNode
 from pga_me_ros.ros.options import RunOptions
@@ -53,8 +61,10 @@ class BehaviorPlayer(GraphNode):
 
     def __init__(self) -> None:
         super().__init__("behavior_player")
-        self._values = declare(self, PlayerSettings, shared=(Settings, RunOptions))
+        self._values = declare(self, ChoiceSettings, PlayerSettings, shared=(Settings, RunOptions))
         self._wanted = wanted(self._values)
+        self._mode: str = self._values["commanded"]
+        require_sense(self._values)
         if self._values["gui"]:
             require_display()
         self._stop = threading.Event()
@@ -72,6 +82,18 @@ class BehaviorPlayer(GraphNode):
         self._playing = -1
         self._told: tuple[int, float] | None = None
         self._messages: RobotMessages | None = None
+        self._sensors: SensorMessages | None = None
+        self._joints: CommandedJoints | None = None
+        self._show: Callable[[], None] = lambda: None
+        self._shown = 0.0
+        if self._mode != "none":
+            self._imu_topic = self.create_publisher(Imu, names.IMU, qos.STREAM)
+            self._contact_topic = self.create_publisher(
+                Float64MultiArray, names.CONTACTS, qos.STREAM
+            )
+            self.create_subscription(
+                Float64MultiArray, names.COMMANDS, self.unless_ended(self._hear), qos.COMMANDS
+            )
         self._window: Window | None = None
         self._player = threading.Thread(target=self._play, name="player")
         # Begins when the executor spins, so that the thread may wait for answers.
@@ -96,6 +118,12 @@ class BehaviorPlayer(GraphNode):
             self.start_heartbeat(task=source.task)
             task = self._open_task(source.task, source.settings.randomization)
             try:
+                if self._mode != "none":
+                    self._joints = CommandedJoints(task)
+                    self.get_logger().info(
+                        f"waits for efforts of {', '.join(self._joints.joints)} on "
+                        f"{self.resolve_topic_name(names.COMMANDS)}"
+                    )
                 episode = 0
                 while episode != (self._values["episodes"] or -1):
                     self._play_episode(source, task, episode)
@@ -140,17 +168,18 @@ class BehaviorPlayer(GraphNode):
         period = task.spec.control_period
 
         def look(step: int, reader: BodyReader) -> None:
-            if step:
-                self._pace.wait(period)
-            else:
+            if not step:
                 self._pace.begin()
+            elif self._mode != "real_time":  # which waits for the command instead
+                self._pace.wait(period)
             self._check_end()
             state = reader.state()
             if self._values["gui"]:
                 if self._window is None or self._window.client != reader.client:
                     self._window = Window(reader, state)
                 self._window.follow(state)
-            self._publish(reader.model, state, period)
+            self._show = partial(self._publish, reader.model, state, task)
+            self._show()
 
         fresh = self._values["start"] == "fresh"
         s, k = source.settings, gait.evaluation
@@ -158,6 +187,8 @@ class BehaviorPlayer(GraphNode):
             act, rng = gait.controller, evaluation_rng(s.seed + 1, episode)
         else:
             act, rng = as_evaluated(s, gait.controller, k), evaluation_rng(s.seed, k)
+        if self._joints:
+            act = self._commanded(self._joints, period)
         done = watched_rollout(task, act, rng, look)
         self.count_done()
         factor = done.length * period / max(self._pace.elapsed(), 1e-9)
@@ -165,18 +196,64 @@ class BehaviorPlayer(GraphNode):
             f"episode {episode + 1}: {kept(gait, done, fresh=fresh)}; {lasted(done, period)} at {factor:.2f} x real "
             "time"
         )
+        if self._joints and self._joints.delays:
+            text += (
+                f"; commands came {spread(self._joints.delays)} ms after the sensors (median, 99 %)"
+            )
+            self._joints.delays.clear()
         if (told := (gait.evaluation, done.fitness)) == self._told:
             return  # the same once more
         self._told = told
         if not fresh and self._values["episodes"] == 0 and "random" not in self._wanted:
             text += "; repeated until Ctrl-C"
         # Where solutions are evaluated again, what is stored are means of several evaluations.
-        if fresh or is_kept(gait, done) or s.extracted or self._values["damage"]:
+        own = not (s.extracted or self._values["damage"] or self._joints)
+        if fresh or is_kept(gait, done) or not own:
             self.get_logger().info(text)
         else:
             self.get_logger().warning(
                 f"{text}; the repertoire comes from other libraries or another kind of machine"
             )
+
+    def _hear(self, msg: Float64MultiArray) -> None:
+        """Hand a command to the player's thread."""
+        if self._joints is None:
+            return
+        try:
+            self._joints.put(msg.data)
+        except RequestError as error:
+            self.refused(str(error))
+
+    def _commanded(self, joints: CommandedJoints, period: float) -> Act:
+        """Return what acts in place of a gait in one episode: whoever commands the joints."""
+        held = False
+
+        def show() -> None:
+            self._show()
+
+        def act(_: Float32Array) -> Float32Array:
+            if self._mode == "real_time":
+                self._pace.wait(period)
+                self._check_end()
+                return joints.newest()
+            return joints.answer(self._shown, show, self._check_end)
+
+        def held_first(observation: Float32Array) -> Float32Array:
+            nonlocal held
+            if not held:
+                held = True
+                joints.first(show, self._check_end)
+                self._pace.begin()
+                for _ in range(math.ceil(self._values["hold"] / period)):
+                    show()
+                    act(observation)
+                    if self._mode != "real_time":
+                        self._pace.wait(period)
+                joints.delays.clear()
+                show()
+            return act(observation)
+
+        return held_first
 
     def _tell_of(self, gait: Gait, task: Task) -> None:
         """Say which gait is played, unless it is the one of the last episode."""
@@ -191,9 +268,9 @@ class BehaviorPlayer(GraphNode):
             + (f"; {average(gait)}" if gait.by_mean else "")
         )
 
-    def _publish(self, model: RobotModel, state: RobotState, period: float) -> None:
+    def _publish(self, model: RobotModel, state: RobotState, task: Task) -> None:
         """Publish the robot's present state."""
-        nanoseconds = round(1e9 * period * self._steps)
+        nanoseconds = round(1e9 * task.spec.control_period * self._steps)
         self._steps += 1
         if self._values["clock"]:
             stamp = stamp_of(nanoseconds)
@@ -206,7 +283,18 @@ class BehaviorPlayer(GraphNode):
             self._fixed_topic.publish(self._messages.fixed_frames(stamp))
         self._frame_topic.publish(self._messages.moving_frames(state, stamp))
         self._joint_topic.publish(self._messages.joint_state(state, stamp))
-        self._odometry_topic.publish(self._messages.odometry(state, stamp))
+        if not self._joints:
+            self._odometry_topic.publish(self._messages.odometry(state, stamp))
+            return
+        told = state.as_told()  # what the behavior knew of when it was evaluated
+        self._odometry_topic.publish(self._messages.odometry(told, stamp))
+        if self._sensors is None:
+            self._sensors = SensorMessages(model, self._values["frame_prefix"])
+        self._imu_topic.publish(self._sensors.imu(told, stamp))
+        contacts = self._sensors.contacts(task)
+        if contacts is not None:
+            self._contact_topic.publish(contacts)
+        self._shown = time.monotonic()
 
     def destroy_node(self) -> None:
         """Stop playing, then destroy the node."""
@@ -219,7 +307,7 @@ class BehaviorPlayer(GraphNode):
 PROGRAM = Program(
     "behavior_player",
     "Plays a gait of a repertoire in simulation: /joint_states, /tf, /odom, /clock and /robot_description.",
-    (PlayerSettings,),
+    (ChoiceSettings, PlayerSettings),
 )
 
 

@@ -76,14 +76,15 @@ class BodyReader:
         """Return where the robot is now."""
         pybullet, body = self._pybullet, self._body
         states = pybullet.getJointStates(body.robot, self._movable, body.client)
-        pose = Transform(*pybullet.getBasePositionAndOrientation(body.robot, body.client))
+        pose = told = Transform(*pybullet.getBasePositionAndOrientation(body.robot, body.client))
         if body.torso < 0:
             linear, angular = pybullet.getBaseVelocity(body.robot, body.client)
         else:
-            linear, angular = pybullet.getLinkState(body.robot, body.torso, 1, 0, body.client)[6:8]
+            link = pybullet.getLinkState(body.robot, body.torso, 1, 0, body.client)
+            told, (linear, angular) = Transform(*link[:2]), link[6:8]
             pose = self._along_rails(pose @ self._centers[-1].inverse())
         positions, velocities = tuple(s[0] for s in states), tuple(s[1] for s in states)
-        return RobotState(pose, linear, angular, positions, velocities)
+        return RobotState(pose, linear, angular, positions, velocities, told)
 
     def _along_rails(self, pose: Transform) -> Transform:
         """Return the pose of the torso's center of mass, given that of the base's frame."""

@@ -12,7 +12,7 @@ from sensor_msgs.msg import JointState
 from tf2_msgs.msg import TFMessage
 
 from pga_me_ros.player.model import Joint, RobotModel, RobotState
-from pga_me_ros.player.transform import Transform, conjugate, rotate
+from pga_me_ros.player.transform import Transform, Vector, conjugate, rotate
 
 
 class RobotMessages:
@@ -74,10 +74,9 @@ class RobotMessages:
         position, orientation = msg.pose.pose.position, msg.pose.pose.orientation
         position.x, position.y, position.z = state.base.position
         orientation.x, orientation.y, orientation.z, orientation.w = state.base.rotation
-        back = conjugate(state.base.rotation)
         for vector, values in (
-            (msg.twist.twist.linear, rotate(back, state.linear)),
-            (msg.twist.twist.angular, rotate(back, state.angular)),
+            (msg.twist.twist.linear, in_base(state, state.linear)),
+            (msg.twist.twist.angular, in_base(state, state.angular)),
         ):
             vector.x, vector.y, vector.z = values
         return msg
@@ -89,6 +88,11 @@ class RobotMessages:
         msg = TransformStamped(child_frame_id=child)
         msg.header.frame_id = parent
         return msg
+
+
+def in_base(state: RobotState, vector: Vector) -> Vector:
+    """Return a vector of the world in the axes of the robot's base."""
+    return rotate(conjugate(state.base.rotation), vector)
 
 
 def stamp_of(nanoseconds: int) -> Time:

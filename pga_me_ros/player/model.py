@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Container
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain, count
 
 from pga_me_ros.player.transform import UNTURNED, ZERO, Transform, Vector, turn
@@ -141,6 +141,7 @@ class RobotState:
         angular: Angular velocity, rad/s, in the world frame.
         positions: Position of each movable joint, rad or m.
         velocities: Velocity of each movable joint, rad/s or m/s.
+        told: Pose of the base frame as PyBullet tells it to tasks: where the torso is a link, that of a substep ago.
     """
 
     base: Transform
@@ -148,6 +149,11 @@ class RobotState:
     angular: Vector
     positions: tuple[float, ...]
     velocities: tuple[float, ...]
+    told: Transform
+
+    def as_told(self) -> RobotState:
+        """Return the state that tasks, and the observations of their controllers, know of."""
+        return replace(self, base=self.told)
 
 
 def free_name(taken: Container[str], *wanted: str) -> str:

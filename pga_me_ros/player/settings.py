@@ -1,8 +1,7 @@
-"""Parameters of the behavior player."""
+"""Parameters of the behavior player, besides the choice of the behavior."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -13,29 +12,8 @@ from pga_me_ros.errors import SettingsError
 
 @dataclass(frozen=True)
 class PlayerSettings:
-    """What to play, and how."""
+    """How to play."""
 
-    select: str = setting(
-        "auto",
-        "Gait to play: the one nearest to 'descriptor', the one in 'cell', the 'best', or a new 'random' one in each "
-        "episode; 'auto' uses descriptor or cell, whichever is given, else the best.",
-        choices=("auto", "descriptor", "cell", "best", "random"),
-    )
-    descriptor: tuple[float, ...] = setting(
-        (), "Wanted descriptor, one number per dimension, each with a decimal point: [0.9, 0.1]."
-    )
-    cell: int = setting(-1, "Wanted cell of the archive; -1 for none.", low=-1, high=INT64_MAX)
-    min_fitness: float = setting(-math.inf, "Least fitness of a gait that may be chosen.")
-    max_fall_share: float = setting(
-        math.inf,
-        "Greatest share of a gait's re-evaluations that may have ended in a fall, 0 to 1; infinite for any.",
-        low=0.0,
-        high=math.inf,
-    )
-    single: bool = setting(
-        False,
-        "Whether gaits are chosen by their original, single evaluation instead of the means of their re-evaluations.",
-    )
     run_dir: str = setting(
         "",
         "Folder of a run, or its repertoire file, to take the gait from; empty to ask the node that serves one.",
@@ -65,40 +43,35 @@ class PlayerSettings:
     frame_prefix: str = setting(
         "", "Prefix of frame names, for several robots in one tf tree: left/."
     )
+    commanded: str = setting(
+        "none",
+        "Whether the joints follow the efforts on the topic commands instead of the gait: 'lock_step' waits for a "
+        "command before each step, 'real_time' takes the newest one.",
+        choices=("none", "lock_step", "real_time"),
+    )
+    hold: float = setting(
+        0.0,
+        "How long the robot is held in its initial pose while it is commanded, counted from the first command: time to "
+        "ramp in.",
+        low=0.0,
+        high=3600.0,
+        unit="s",
+    )
     gui: bool = setting(False, "Whether to open PyBullet's window.")
 
 
-def wanted(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the choice of a gait as arguments of `RepertoireClient.get_behavior`.
+def require_sense(values: Mapping[str, Any]) -> None:
+    """Check that the parameters fit each other.
 
     Args:
         values: Parameters by name.
 
     Raises:
-        SettingsError: The parameters contradict each other.
+        SettingsError: They do not.
     """
-    descriptor, cell, select = values["descriptor"], values["cell"], values["select"]
-    given = [
-        name for name, is_given in (("descriptor", descriptor), ("cell", cell >= 0)) if is_given
-    ]
-    if select == "auto":
-        select = given[0] if given else "best"
-    if any(name != select for name in given):
+    if values["commanded"] == "real_time" and not values["speed"]:
+        raise SettingsError("commanded is 'real_time', but speed is 0; give a speed above 0.")
+    if values["commanded"] == "none" and values["hold"]:
         raise SettingsError(
-            f"{' and '.join(given)} given, but the gait is chosen by {select}; leave out what is not meant."
+            f"hold is {values['hold']:g}, but the gait itself acts; give commanded:=lock_step or real_time."
         )
-    if select in ("descriptor", "cell") and select not in given:
-        raise SettingsError(f"select is '{select}', but no {select} is given: -p {select}:=...")
-    choice: dict[str, Any] = {
-        "descriptor": {"descriptor": list(descriptor)},
-        "cell": {"cell": cell},
-        "best": {"best": True},
-        "random": {"random": True},
-    }[select]
-    if values["min_fitness"] > -math.inf:
-        choice["min_fitness"] = values["min_fitness"]
-    if values["max_fall_share"] < math.inf:
-        choice["max_fall_share"] = values["max_fall_share"]
-    if values["single"]:
-        choice["single"] = True
-    return choice

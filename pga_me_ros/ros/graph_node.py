@@ -7,7 +7,7 @@ import re
 import socket
 import threading
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from pga_me_msgs.msg import NodeStatus
@@ -131,6 +131,10 @@ class GraphNode(EndingNode):
                 "Use another namespace or ROS domain for another run."
             )
 
+    def health(self) -> Mapping[str, object]:
+        """Return further values for /diagnostics; called once a second in the heartbeat's thread."""
+        return {}
+
     def destroy_node(self) -> None:
         """Stop the heartbeat, then destroy the node."""
         self._ended.set()
@@ -156,7 +160,7 @@ class GraphNode(EndingNode):
         while not self._ended.is_set():
             try:
                 self._status.publish(self._beat)
-                self.diagnostics.publish(self._beat.done, self._beat.refused)
+                self.diagnostics.publish(self._beat.done, self._beat.refused, self.health())
             except RCLError:
                 if self.context.ok():
                     raise

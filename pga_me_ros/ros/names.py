@@ -35,10 +35,14 @@ PROPOSE = "variation/propose"
 PAUSE = "~/pause"
 RESUME = "~/resume"
 STOP = "~/stop"
+EMERGENCY_STOP = "~/emergency_stop"
 
 JOINT_STATES = "joint_states"
 ODOMETRY = "odom"
 ROBOT_DESCRIPTION = "robot_description"
+IMU = "imu"
+CONTACTS = "contacts"
+COMMANDS = "commands"
 
 # Absolute, because tools look for these at the root, whatever the namespace.
 TF = "/tf"

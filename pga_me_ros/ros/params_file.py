@@ -7,9 +7,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import yaml
-
-from pga_me_ros.errors import SettingsError, nearest_name
+from pga_me_ros.errors import SettingsError
+from pga_me_ros.yaml_files import read_yaml
 
 PARAMETERS = "ros__parameters"
 
@@ -28,9 +27,9 @@ def entries(path: Path) -> list[tuple[str, Mapping[str, Any]]]:
         path: YAML file in the layout of ROS 2.
 
     Raises:
-        SettingsError: The file is missing, unreadable, not YAML, or has another layout.
+        SettingsError: The file is missing, unreadable, not YAML, gives a key twice, or has another layout.
     """
-    content = _read(path)
+    content = read_yaml(path, "params file", EXPECTED)
     if not isinstance(content, Mapping):
         raise SettingsError(f"Params file '{path}' names no node; {EXPECTED}.")
     return _sections(path, content, "")
@@ -46,27 +45,6 @@ def matches(section: str, node: str) -> bool:
     pattern = re.escape("/" + section.strip("/"))
     pattern = pattern.replace(r"/\*\*", "(/[^/]+)*").replace(r"\*", "[^/]+")
     return re.fullmatch(pattern, node) is not None
-
-
-def _read(path: Path) -> Any:
-    try:
-        return yaml.safe_load(path.read_text())
-    except FileNotFoundError:
-        near = nearest_name(path.name, [p.name for p in path.parent.glob("*.yaml")])
-        raise SettingsError(
-            f"There is no params file '{path}'{near}; give the path of a YAML file."
-        ) from None
-    except OSError as error:
-        raise SettingsError(
-            f"Params file '{path}' cannot be read ({error.strerror}); give the path of a YAML file."
-        ) from None
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        mark = getattr(error, "problem_mark", None)
-        where = f" at line {mark.line + 1}, column {mark.column + 1}" if mark else ""
-        problem = getattr(error, "problem", None) or getattr(error, "reason", None) or error
-        raise SettingsError(
-            f"Params file '{path}' is not valid YAML{where}: {problem}; {EXPECTED}."
-        ) from None
 
 
 def _sections(

@@ -9,9 +9,12 @@ from collections.abc import Callable
 import rclpy
 from rclpy._rclpy_pybind11 import RCLError
 from rclpy.executors import ExternalShutdownException
+from rclpy.signals import SignalHandlerOptions
 
 from pga_me_ros.dependencies import EXIT_BAD_INPUT, missing_dependency
 from pga_me_ros.errors import PgaError
+from pga_me_ros.process.early_signals import hand_over
+from pga_me_ros.process.signals import Signals
 from pga_me_ros.process.streams import tell
 from pga_me_ros.ros.command_line import Program, start
 from pga_me_ros.ros.spinning import EndingNode, spin
@@ -20,7 +23,11 @@ EXIT_FAULT = 1
 
 
 def run_node(
-    program: Program, make: Callable[[], EndingNode], args: list[str] | None = None
+    program: Program,
+    make: Callable[[], EndingNode],
+    args: list[str] | None = None,
+    *,
+    last_words: bool = False,
 ) -> int:
     """Run a node until it is told to stop.
 
@@ -28,6 +35,8 @@ def run_node(
         program: Description of the executable.
         make: Makes the node; called after ``rclpy.init``.
         args: Command line without the program's name; None for that of this process.
+        last_words: Whether the node publishes something when it is destroyed: ROS 2 then stays up after a signal until
+            it is. For a node with a timer, which lets Python notice signals.
 
     Returns:
         Exit code: 0 after a shutdown, 2 for bad input, 1 for a fault.
@@ -35,10 +44,16 @@ def run_node(
     node: EndingNode | None = None
     started = running = False
     try:
-        if not start(program, args):
+        options = {"signal_handler_options": SignalHandlerOptions.NO} if last_words else {}
+        if not start(program, args, **options):
             return 0
         started = True
+        if last_words:
+            hand_over()  # until the node is there, a signal interrupts
         node = make()
+        if last_words:
+            end = node.end
+            Signals(lambda _: end(ExternalShutdownException()))
         running = True
         spin(node)
     except (KeyboardInterrupt, ExternalShutdownException):

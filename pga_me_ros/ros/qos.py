@@ -47,3 +47,11 @@ busy node displaces the first. Services that only the run uses keep rclpy's dept
 
 STREAM = _reliable(100)
 """A moving robot: one message per control step."""
+
+COMMANDS = _reliable(1)
+"""Commands for joints: only the newest counts."""
+
+SENSORS = QoSProfile(
+    depth=10, history=HistoryPolicy.KEEP_LAST, reliability=ReliabilityPolicy.BEST_EFFORT
+)
+"""Readings of a robot's sensors: hears publishers of both kinds, reliable or not."""

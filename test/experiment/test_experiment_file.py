@@ -88,7 +88,7 @@ def test_a_million_may_be_written_as_1e6(tmp_path: Path) -> None:
             {"systems": "{a: {seed: 5}}"},
             "gives 'seed', which comes from the key 'seeds' for all runs",
         ),
-        ({"systems": "{a: {n_evo: 5}, a: {n_evo: 6}}"}, "line 1: 'a' is given twice"),
+        ({"systems": "{a: {n_evo: 5}, a: {n_evo: 6}}"}, "column 26: 'a' is given twice"),
         ({"systems": "{}"}, "systems is empty"),
         ({"systems": "[map_elites, map_elites]"}, "systems has 'map_elites' twice"),
         ({"systems": None}, "systems is missing"),

@@ -52,6 +52,7 @@ def test_core_and_tasks_do_not_import_ros(folder: str) -> None:
     [
         ("pga_me_ros.nodes.evaluator", {"torch"}),
         ("pga_me_ros.nodes.adapter", {"torch", "pybullet"}),
+        ("pga_me_ros.nodes.controller", {"torch", "pybullet"}),
         ("pga_me_ros.nodes.archive_manager", {"torch", "pybullet"}),
         ("pga_me_ros", {"numpy", "torch", "pybullet", "rclpy"}),
         ("pga_me_ros.library", {"torch", "pybullet", "rclpy", "PIL", "pandas"}),

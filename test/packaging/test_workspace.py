@@ -20,6 +20,7 @@ NODES = [
     "adapter",
     "archive_manager",
     "behavior_player",
+    "controller",
     "critic_trainer",
     "evaluator",
     "orchestrator",

@@ -25,6 +25,7 @@ from pga_me_ros.nodes import (
     adapter,
     archive_manager,
     behavior_player,
+    controller,
     critic_trainer,
     evaluator,
     orchestrator,
@@ -59,6 +60,7 @@ CHILD = {"run_id": "x"}
 NODES: dict[str, tuple[Program, Callable[[], Any], dict[str, Any]]] = {
     "orchestrator": (orchestrator.PROGRAM, _orchestrator, {"cvt_samples": 1024}),
     "behavior_player": (behavior_player.PROGRAM, behavior_player.BehaviorPlayer, {}),
+    "controller": (controller.PROGRAM, controller.JointController, {}),
     "adapter": (adapter.PROGRAM, adapter.Adapter, {}),
     "archive_manager": (archive_manager.PROGRAM, archive_manager.ArchiveManager, {}),
     "record": (record.PROGRAM, record.Recorder, {}),

@@ -44,6 +44,7 @@ def test_a_section_is_meant_for_the_nodes_it_matches(section: str, node: str, me
     ("text", "words"),
     [
         ("a: [1\n", "not valid YAML at line 2, column 1"),
+        ("a: 1\na: 2\n", "not valid YAML at line 2, column 1: 'a' is given twice"),
         ("/**:\n  ros__parameters:\n\ta: 1\n", "not valid YAML at line 3, column 1"),
         ("", "names no node; expected a section"),
         ("- 1\n", "names no node"),

@@ -1,4 +1,4 @@
-"""Which gait the player's parameters choose."""
+"""Which behavior the parameters of player and controller choose."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ import pytest
 
 from pga_me_ros.core.settings.field import checked_value
 from pga_me_ros.errors import SettingsError
-from pga_me_ros.player.settings import PlayerSettings, wanted
+from pga_me_ros.ros.choice import ChoiceSettings, wanted
 
 
 def values(**given: Any) -> dict[str, Any]:
-    return {**dataclasses.asdict(PlayerSettings()), **given}
+    return {**dataclasses.asdict(ChoiceSettings()), **given}
 
 
 @pytest.mark.parametrize(
@@ -49,7 +49,7 @@ def test_contradictions_are_reported(given: dict[str, Any], message: str) -> Non
 
 
 def test_a_descriptor_is_a_list_of_numbers() -> None:
-    (field,) = (f for f in dataclasses.fields(PlayerSettings) if f.name == "descriptor")
+    (field,) = (f for f in dataclasses.fields(ChoiceSettings) if f.name == "descriptor")
     assert checked_value(field, [1, 0.5]) == (1.0, 0.5)
     assert checked_value(field, []) == ()
     with pytest.raises(SettingsError, match="list of numbers, not 'best'"):
