@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shlex
 import shutil
@@ -184,6 +185,26 @@ def test_every_config_is_installed(installation: Installation) -> None:
 def test_installed_code_is_imported(installation: Installation) -> None:
     result = installation.bash('python3 -c "import pga_me_ros; print(pga_me_ros.__file__)"')
     assert str(installation.prefix.parents[1]) in result.stdout
+
+
+def test_colcon_runs_the_tests_that_colcon_pkg_names_and_reports_failures(
+    symlinked: Installation,
+) -> None:
+    checkout = symlinked.prefix.parents[1]
+    arguments = json.loads((checkout / "colcon.pkg").read_text())["pytest-args"]
+    folders = [checkout / word for word in arguments if word.startswith("test/")]
+    for folder in folders:  # a small test instead of each folder's own, which take minutes
+        shutil.rmtree(folder)
+        folder.mkdir()
+        (folder / f"test_of_{folder.name}.py").write_text("def test_passes(): pass\n")
+    (folders[0] / "test_failing.py").write_text("def test_fails(): assert False\n")
+    colcon = f"cd {checkout} && colcon"
+    tested = symlinked.bash(f"{colcon} test --packages-select pga_me_ros")
+    assert "1 package had test failures: pga_me_ros" in tested.stdout
+    reported = symlinked.bash(f"{colcon} test-result --verbose")
+    assert reported.returncode == 1
+    assert f"{len(folders) + 1} tests, 0 errors, 1 failure, 0 skipped" in reported.stdout
+    assert "test_fails" in reported.stdout
 
 
 def test_workspace_has_its_own_messages(workspace: Installation) -> None:

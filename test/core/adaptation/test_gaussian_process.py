@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from sklearn.gaussian_process import GaussianProcessRegressor
-from sklearn.gaussian_process.kernels import Matern
 
 from pga_me_ros.core.adaptation.gaussian_process import matern52, posterior
 
@@ -16,7 +14,9 @@ def test_mean_and_deviation_are_those_of_scikit_learn(count: int, dimensions: in
     points, tried = rng.random((50, dimensions)), rng.random((count, dimensions))
     tried[-1] = tried[0]  # a behavior that was tried twice
     observed = rng.normal(size=count)
-    oracle = GaussianProcessRegressor(Matern(0.4, nu=2.5), alpha=0.001, optimizer=None)
+    sklearn = pytest.importorskip("sklearn.gaussian_process")
+    kernel = sklearn.kernels.Matern(0.4, nu=2.5)
+    oracle = sklearn.GaussianProcessRegressor(kernel, alpha=0.001, optimizer=None)
     oracle.fit(tried, observed)
     means, deviations = posterior(points, tried, observed, 0.4, 0.001)
     expected_means, expected_deviations = oracle.predict(points, return_std=True)

@@ -37,19 +37,17 @@ def grid() -> GridArchive:
 
 def ribs_grid(**arguments: Any) -> Any:
     # Not at the top: this takes seconds in each process that collects tests.
-    from ribs.archives import GridArchive as RibsGrid
-
-    return RibsGrid(solution_dim=P, **arguments)
+    ribs = pytest.importorskip("ribs.archives")
+    return ribs.GridArchive(solution_dim=P, **arguments)
 
 
 def ribs_for(archive: Archive) -> Any:
-    from ribs.archives import CVTArchive
-
+    ribs = pytest.importorskip("ribs.archives")
     fields = {"evaluation": ((), np.int64)}
     common = {"ranges": [(0.0, 1.0)] * 2, "extra_fields": fields}
     if archive.bins:
         return ribs_grid(dims=archive.bins, **common)
-    return CVTArchive(solution_dim=P, centroids=archive.centroids, **common)
+    return ribs.CVTArchive(solution_dim=P, centroids=archive.centroids, **common)
 
 
 @pytest.fixture(params=[cvt, grid], ids=["cvt", "grid"])
