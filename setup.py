@@ -35,13 +35,14 @@ setup(
     },
     # The nodes' dependencies are declared in package.xml and pinned in requirements/run.txt.
     install_requires=["setuptools"],
-    # Dependencies of one format of `export`, of recordings, of tasks from Gymnasium, of the explorer, and of the tests
-    # that `colcon test` runs (colcon.pkg names them): it runs none unless pytest is here.
+    # Dependencies of one format of `export`, of recordings, of tasks from Gymnasium, of the explorer, of TensorBoard
+    # events, and of the tests that `colcon test` runs (colcon.pkg names them): it runs none unless pytest is here.
     extras_require={
         "onnx": ["onnx"],
         "record": ["rosbags"],
         "test": ["hypothesis", "pytest", "pytest-timeout"],
         "mujoco": ["gymnasium[mujoco]"],
+        "tensorboard": ["tensorboard"],
         "web": ["jupyter-threejs-sage==130", "starlette", "uvicorn"],
     },
     entry_points={

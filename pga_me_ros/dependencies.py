@@ -48,6 +48,7 @@ PACKAGES = {
     "rosbags": Package("rosbags", "rosbags", "", "recordings"),
     "scipy": Package("SciPy", "scipy", "python3-scipy", "p-values"),
     "starlette": Package("Starlette", WEB, "", "the explorer"),
+    "tensorboard": Package("TensorBoard", "tensorboard", "", "events of tensorboard:=true"),
     "torch": Package("PyTorch", "torch", "python3-torch", "critics and policy gradients"),
     "uvicorn": Package("Uvicorn", WEB, "", "the explorer"),
     "yaml": Package("PyYAML", "pyyaml", "python3-yaml"),

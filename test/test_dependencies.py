@@ -74,6 +74,11 @@ PROGRAM = "pga_me_ros."
         ),
         ("PIL", f"{PROGRAM}render RUN", "Pillow is not installed (needed for pictures)"),
         ("matplotlib", f"{PROGRAM}report RUN", "Matplotlib is not installed"),
+        (
+            "tensorboard",
+            f"{NODE}orchestrator --ros-args -p tensorboard:=true",
+            "TensorBoard is not installed (needed for events of tensorboard:=true)",
+        ),
         ("onnx", f"{PROGRAM}export RUN --to onnx --best", "onnx is not installed"),
     ],
 )

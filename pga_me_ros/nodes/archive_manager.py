@@ -18,6 +18,7 @@ from pga_me_ros.core.evaluation import evaluation_ids
 from pga_me_ros.core.operators import Operator
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.core.settings.field import setting
+from pga_me_ros.core.storage.event_file import EventFile
 from pga_me_ros.core.storage.metrics_file import METRICS_FILE, MetricsFile
 from pga_me_ros.core.storage.reevaluating import stored_measures
 from pga_me_ros.core.storage.repertoire import Repertoire
@@ -27,7 +28,7 @@ from pga_me_ros.ros import names, qos
 from pga_me_ros.ros.command_line import Program
 from pga_me_ros.ros.convert import finite, flat, metrics_to_msg, shaped, with_rates
 from pga_me_ros.ros.elites_topic import elites_to_msg
-from pga_me_ros.ros.evaluations import evaluated_from_msg
+from pga_me_ros.ros.evaluations import evaluated_from_msg, require_minimum
 from pga_me_ros.ros.graph_node import GraphNode
 from pga_me_ros.ros.namesakes import ELDER, STOP_OR_MOVE, leave_to_elders
 from pga_me_ros.ros.options import RunOptions
@@ -59,6 +60,10 @@ class ArchiveManagerSettings:
     grow: bool = setting(
         False, "Whether a run adds to the file; otherwise it is only read, never changed."
     )
+    write_events: bool = setting(
+        False,
+        "Whether to write the metrics of a run as TensorBoard events; only together with grow.",
+    )
 
 
 class ArchiveManager(GraphNode):
@@ -73,6 +78,10 @@ class ArchiveManager(GraphNode):
                 "repertoire:=zoo/NAME for one that comes with the package."
             )
         path, self._grow = repertoire_file(values["repertoire"]), values["grow"]
+        if values["write_events"] and not self._grow:
+            raise SettingsError(
+                "write_events is true, but only a run that adds to the repertoire writes events; leave it out."
+            )
         self._file = Repertoire.open(path, read_only=not self._grow)
         self._info = self._file.info
         self._settings = Settings.from_stored(self._info.settings)
@@ -82,6 +91,9 @@ class ArchiveManager(GraphNode):
         generations = self._file.generations()
         self._metrics = generations[-1].metrics if generations else None
         self._table = MetricsFile(path.with_name(METRICS_FILE))
+        self._events: EventFile | None = None
+        if values["write_events"]:
+            self._events = EventFile(path.parent, generations, self.get_logger().warning)
         self._metrics_topic = self.create_publisher(MetricsMsg, names.METRICS, qos.LATCHED)
         dimensions = self._archive.dimensions
         self._pictures = ArchivePictures(self, self._archive)
@@ -145,7 +157,10 @@ class ArchiveManager(GraphNode):
         self._publish_elites(changed)
         self.count_done()
         self._show()
-        self._table.append(self._file.generation(request.generation))
+        stored = self._file.generation(request.generation)
+        self._table.append(stored)
+        if self._events:
+            self._events.append(stored)
         return [STATUS[status] for status in added.status.tolist()]
 
     def _read_archive(self) -> None:
@@ -213,8 +228,8 @@ class ArchiveManager(GraphNode):
         parameters = shaped(request.parameters, (b, p), np.float32, "parameters")
         operators = shaped(request.operators, (b,), np.int64, "operators")
         parents = shaped(request.parents, (b, 2), np.int64, "parents")
-        _require_minimum("steps", out.steps, 1)
-        _require_minimum("parents", parents, NO_PARENT)
+        require_minimum("steps", out.steps, 1)
+        require_minimum("parents", parents, NO_PARENT)
         if operators.max() > max(Operator):
             raise RequestError(
                 f"Field 'operators' holds {operators.max()}; expected 0 to {max(Operator):d}."
@@ -293,12 +308,9 @@ class ArchiveManager(GraphNode):
     def destroy_node(self) -> None:
         """Close the file, then destroy the node."""
         self._file.close()
+        if self._events:
+            self._events.close()
         super().destroy_node()
-
-
-def _require_minimum(name: str, values: np.ndarray, minimum: int) -> None:
-    if values.min() < minimum:
-        raise RequestError(f"Field '{name}' holds {values.min()}; expected {minimum} or more.")
 
 
 PROGRAM = Program(

@@ -13,6 +13,7 @@ from rclpy.executors import ExternalShutdownException
 from pga_me_ros.core.plan import batch_lines
 from pga_me_ros.core.runs.run_directory import RunDirectory, default_run_dir, open_run
 from pga_me_ros.core.storage.database import explained
+from pga_me_ros.core.storage.event_file import require_event_writer, write_events
 from pga_me_ros.errors import PgaError
 from pga_me_ros.orchestration.calls import StoppedError
 from pga_me_ros.orchestration.control import Control
@@ -39,6 +40,8 @@ def lead(control: Control, signals: Signals) -> int:
     """
     settings, options = control.settings, control.options
     spec = task_spec(settings.task)
+    if options.tensorboard:
+        require_event_writer()
     randomization_option(settings.task, settings.randomization)  # refuses what makes no sense
     progress = ProgressReporter(control)
     progress.msg.task = settings.task
@@ -58,6 +61,8 @@ def lead(control: Control, signals: Signals) -> int:
     # A steady clock: anybody may set use_sim_time, and a simulated clock may stand still.
     timer = control.create_timer(HEARTBEAT, beat, clock=Clock(clock_type=ClockType.STEADY_TIME))
     progress.say(started(directory))
+    if options.tensorboard and directory.next_generation >= directory.settings.generations:
+        write_events(directory.repertoire, control.get_logger().warning)
     for line in batch_lines(directory.settings, len(directory.imported)):
         progress.say(line)
     try:

@@ -57,7 +57,11 @@ class Team:
         self._start(
             "archive_manager",
             "archive_manager",
-            {"repertoire": str(self._directory.repertoire.resolve()), "grow": grow},
+            {
+                "repertoire": str(self._directory.repertoire.resolve()),
+                "grow": grow,
+                "write_events": grow and self._node.options.tensorboard,
+            },
         )
 
     def start_learners(self) -> None:

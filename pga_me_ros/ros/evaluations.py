@@ -7,8 +7,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pga_me_ros.arrays import BoolArray, Float64Array, Int64Array
+from pga_me_ros.errors import RequestError
 from pga_me_ros.ros.convert import finite, flat, shaped
 
 
@@ -64,3 +66,13 @@ def aims_from_msg(data: Any, n: int, descriptor_dim: int) -> list[Float64Array |
         return [None] * n
     rows = shaped(data, (n, descriptor_dim), np.float64, "intended_descriptors")
     return [None if np.isnan(r).all() else finite(r, "intended_descriptors") for r in rows]
+
+
+def require_minimum(name: str, values: NDArray[Any], minimum: int) -> None:
+    """Make sure that no entry of a field is too small.
+
+    Raises:
+        RequestError: One is.
+    """
+    if values.min() < minimum:
+        raise RequestError(f"Field '{name}' holds {values.min()}; expected {minimum} or more.")

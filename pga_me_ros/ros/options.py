@@ -77,6 +77,11 @@ class RunOptions:
         high=10_000,
         unit="evaluations per elite",
     )
+    tensorboard: bool = setting(
+        False,
+        "Whether to write the metrics of each generation as TensorBoard events, too, next to metrics.csv. Needs "
+        "the Python package tensorboard.",
+    )
     serve: bool = setting(
         True, "Whether to keep serving the finished repertoire until stopped, or to exit."
     )

@@ -12,6 +12,7 @@ import pytest
 from domain_coordinator import domain_id
 from graph import Graph, Probe, Started, wait_until
 from pga_me_msgs.msg import Progress
+from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 from pga_me_ros.core.operators import Operator
 from pga_me_ros.core.storage.repertoire import Repertoire
@@ -35,7 +36,7 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Finished]:
         graph, probe = Graph(domain, folder), Probe(domain)
         try:
             heard = probe.listen(Progress, names.PROGRESS, qos.EXPERIENCE_READER)
-            run = graph.run(folder / "run")
+            run = graph.run(folder / "run", tensorboard=True)
             assert run.wait() == 0, run.output
             yield Finished(folder / "run", run, heard)
         finally:
@@ -78,6 +79,11 @@ def test_in_a_file_every_generation_has_a_line(finished: Finished) -> None:
         "generation 2/3",
         "generation 3/3",
     ]
+
+
+def test_tensorboard_shows_every_generation(finished: Finished) -> None:
+    events = EventAccumulator(str(finished.run_dir)).Reload()
+    assert [event.step for event in events.Scalars("archive/qd_score")] == [10, 20, 30]
 
 
 def test_a_renamed_service_is_renamed_for_all_nodes(graph: Graph, tmp_path: Path) -> None:
