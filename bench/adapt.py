@@ -23,11 +23,10 @@ import numpy as np
 from scipy.stats import mannwhitneyu, wilcoxon
 
 from pga_me_ros import StoredRun, make_task
+from pga_me_ros.adapt_demo.robot import POSES, Robot, Way
 from pga_me_ros.core.adaptation.adaptation import Adaptation, AdaptationSettings
-from pga_me_ros.core.adaptation.alternatives import hill_climb, random_search
+from pga_me_ros.core.adaptation.alternatives import random_search
 from pga_me_ros.core.adaptation.performance_map import PerformanceMap
-from pga_me_ros.core.networks.controller import MlpController
-from pga_me_ros.tasks.rollout import rollout
 
 REPERTOIRE = "zoo/qd_hopper"
 DAMAGES = (
@@ -54,11 +53,9 @@ TUNING = (
 """Other damages, on which `--tune` compares length scales; none of them counts as evidence."""
 
 LENGTH_SCALES = (0.4, 0.2, 0.16, 0.1, 0.05, 0.02)
-POSES = 5
 REPEATS = 20
 BUDGET = 15
 CLIMBS = 20
-CLIMB_TRIALS = 20
 
 
 class TimeUpError(Exception):
@@ -100,10 +97,11 @@ class Bench:
         if len(missing):
             task = make_task(self.run.settings.task, damage=damage)
             try:
+                robot = Robot(task)
                 for row in missing.tolist():
                     self.check_time()
                     controller = self.run.behavior(self.cells[row]).controller
-                    rows[row] = [self.episode(task, controller, k) for k in range(POSES)]
+                    rows[row] = [robot.episode(controller, k).fitness for k in range(POSES)]
             finally:
                 save(file, rows)
                 task.close()
@@ -118,25 +116,15 @@ class Bench:
             shape, best = self.run.shape, self.run.choose()
             task = make_task(self.run.settings.task, damage=damage)
             try:
+                robot = Robot(task)
                 for row in missing.tolist():
                     self.check_time()
-                    rng = np.random.default_rng([1, row])
-
-                    def attempt(parameters: Any, rng: Any = rng) -> float:
-                        pose = int(rng.integers(POSES))
-                        return self.episode(task, MlpController(shape, parameters), pose)
-
-                    found = hill_climb(best.parameters, CLIMB_TRIALS, attempt, rng)
-                    controller = MlpController(shape, found)
-                    rows[row] = np.mean([self.episode(task, controller, k) for k in range(POSES)])
+                    found = robot.climb(shape, best.parameters, Way.CLIMB.generator(row))
+                    rows[row] = robot.average(found).fitness
             finally:
                 save(file, rows)
                 task.close()
         return rows[:, 0]
-
-    def episode(self, task: Any, controller: Any, pose: int) -> float:
-        """Return the fitness of an episode from one of the initial poses."""
-        return rollout(task, controller, np.random.default_rng(10_000 + pose)).fitness
 
     def check_time(self) -> None:
         """Raise TimeUpError if the seconds are over."""
@@ -151,7 +139,7 @@ def save(file: Path, rows: np.ndarray) -> None:
 
 def adapted(bench: Bench, table: np.ndarray, repeat: int, length_scale: float) -> tuple[int, int]:
     """Return the row of what an adaptation ended with, and the number of its trials."""
-    rng = np.random.default_rng([2, repeat])
+    rng = Way.ADAPT.generator(repeat)
     settings = AdaptationSettings(budget=BUDGET, length_scale=length_scale)
     adaptation = Adaptation(bench.promises, settings)
     while trial := adaptation.next():
@@ -164,7 +152,7 @@ def adapted(bench: Bench, table: np.ndarray, repeat: int, length_scale: float) -
 
 def searched(bench: Bench, table: np.ndarray, repeat: int, trials: int) -> int:
     """Return the row of what random search ended with."""
-    rng = np.random.default_rng([3, repeat])
+    rng = Way.RANDOM.generator(repeat)
     rows = range(len(bench.cells))
     return random_search(rows, trials, lambda row: float(table[row, rng.integers(POSES)]), rng)
 

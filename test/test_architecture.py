@@ -87,6 +87,7 @@ MAY_IMPORT = {
         "serving",
         "tasks",
     },
+    "adapt_demo": {"client", "core*", "process", "ros", "tasks"},
     "demo": {"client", "core*", "process", "ros", "tasks"},
     "player": {"client", "core*", "tasks"},
     "render": {"core*", "player", "process", "tasks"},
@@ -103,6 +104,7 @@ MAY_IMPORT = {
 """What each room may import besides itself; ``core*`` means every room of core. docs/design.md says why."""
 
 ROS_ROOMS = {
+    "adapt_demo",
     "adapting",
     "ros",
     "client",

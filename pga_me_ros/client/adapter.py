@@ -13,7 +13,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from pga_me_msgs.srv import NextTrial, ReportTrial, StartAdaptation
+from pga_me_msgs.msg import AdaptationEstimate
+from pga_me_msgs.srv import GetAdaptation, NextTrial, ReportTrial, StartAdaptation
+from rclpy.client import Client
 from rclpy.node import Node
 
 from pga_me_ros.arguments import number, whole_number
@@ -65,6 +67,7 @@ class Adapter:
         self._start = self._client(StartAdaptation, names.START_ADAPTATION)
         self._next = self._client(NextTrial, names.NEXT_TRIAL)
         self._report = self._client(ReportTrial, names.REPORT_TRIAL)
+        self._status = self._client(GetAdaptation, names.ADAPTATION_STATUS)
 
     def adapt(
         self,
@@ -114,10 +117,26 @@ class Adapter:
             self._call(self._report, report)
             made = int(answer.trial.number)
 
+    def status(self) -> AdaptationEstimate:
+        """Return what is expected of each behavior now, how uncertain that is, and all trials.
+
+        Raises:
+            RequestError: The adapter refused the request; the message says why.
+            RepertoireTimeoutError: No answer before the deadline.
+            BlockedExecutorError: Called in a callback of the node's executor.
+        """
+        estimate: AdaptationEstimate = self._call(self._status, GetAdaptation.Request()).estimate
+        return estimate
+
+    @property
+    def clients(self) -> tuple[Client, ...]:
+        """The clients of the adapter's services."""
+        return self._start, self._next, self._report, self._status
+
     def close(self) -> None:
         """Destroy the clients; only while the node is not spun."""
         self._caller.close()
-        for client in (self._start, self._next, self._report):
+        for client in self.clients:
             self._node.destroy_client(client)
 
     def _client(self, srv_type: Any, name: str) -> Any:

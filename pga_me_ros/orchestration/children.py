@@ -10,10 +10,7 @@ from pathlib import Path
 
 from pga_me_ros.dependencies import EXIT_BAD_INPUT
 from pga_me_ros.errors import PgaError
-from pga_me_ros.process.child import ChildProcess, python_module
-
-STOP_GRACE = 2.0
-"""Seconds between asking a child to stop and killing it."""
+from pga_me_ros.process.child import ChildProcess, python_module, stop
 
 CRASH_LIMIT = 5
 """Deaths of one child without a completed generation in between that end the run."""
@@ -166,16 +163,10 @@ class Children:
             names: Names of the children; None for all.
             at_once: Whether to send SIGKILL at once.
         """
-        stopped = [self._children[n] for n in (names if names is not None else self.names())]
-        for child in stopped:
-            child.process.send(signal.SIGKILL if at_once else signal.SIGTERM)
-        deadline = time.monotonic() + STOP_GRACE
-        for child in stopped:
-            if not child.process.wait(max(0.0, deadline - time.monotonic())):
-                child.process.send(signal.SIGKILL)
-                child.process.wait()
-            child.process.close_input()
-            del self._children[child.name]
+        stopped = list(names) if names is not None else self.names()
+        stop([self._children[name].process for name in stopped], at_once=at_once)
+        for name in stopped:
+            del self._children[name]
 
     def _count_death(self, child: Child) -> None:
         code = child.process.exit_code

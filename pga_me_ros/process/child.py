@@ -6,6 +6,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -14,6 +15,10 @@ from pga_me_ros.process.parent_watch import PARENT_WATCH
 
 TAIL_BYTES = 10_000
 """Bytes at the end of a log that are searched for the last line."""
+
+
+STOP_GRACE = 2.0
+"""Seconds between asking a child to stop and killing it."""
 
 
 class ChildProcess:
@@ -110,6 +115,23 @@ class ChildProcess:
             return ""
         last = next((line.strip() for line in reversed(lines) if line.strip()), "")
         return last.removeprefix("error: ")
+
+
+def stop(processes: Sequence[ChildProcess], *, at_once: bool = False) -> None:
+    """Stop processes with SIGTERM, then SIGKILL; return when they are gone.
+
+    Args:
+        processes: The processes; those that have ended may be among them.
+        at_once: Whether to send SIGKILL at once.
+    """
+    for process in processes:
+        process.send(signal.SIGKILL if at_once else signal.SIGTERM)
+    deadline = time.monotonic() + STOP_GRACE
+    for process in processes:
+        if not process.wait(max(0.0, deadline - time.monotonic())):
+            process.send(signal.SIGKILL)
+            process.wait()
+        process.close_input()
 
 
 def python_module(module: str, *arguments: str) -> list[str]:

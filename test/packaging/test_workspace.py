@@ -29,6 +29,7 @@ NODES = [
     "variation",
 ]
 PROGRAMS = [
+    "adapt_demo",
     "experiment",
     "explorer",
     "export",
