@@ -7,8 +7,8 @@ from collections.abc import Iterable
 
 import numpy as np
 
-WINDOW = 10_000
-"""Newest values that medians and percentiles are taken of, so that a loop may run for days."""
+WINDOW = 4000
+"""Newest values that medians and percentiles are taken of: about a minute, in a loop that may run for days."""
 
 LATE = 1.5
 """Interval in periods from which on a command counts as late."""
@@ -55,7 +55,7 @@ class Timing:
 
     def values(self) -> dict[str, str]:
         """Return what was measured by name, for diagnostics."""
-        jitter = [abs(interval - self._period) for interval in tuple(self._intervals)]
+        jitter = np.abs(np.array(tuple(self._intervals)) - self._period)
         return {
             "commands": str(self.count),
             "latency median, 99 %, most (ms)": f"{spread(self._latencies)}, {1e3 * self._longest:.2f}",
@@ -65,8 +65,6 @@ class Timing:
 
     def summary(self) -> str:
         """Return what was measured in a line."""
-        if not self.count:
-            return "no command was given"
         return f"{self.count} commands; " + "; ".join(
             f"{name} {value}" for name, value in self.values().items() if name != "commands"
         )

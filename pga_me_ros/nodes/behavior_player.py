@@ -21,13 +21,12 @@ from sensor_msgs.msg import Imu, JointState
 from std_msgs.msg import Float64MultiArray, String
 from tf2_msgs.msg import TFMessage
 
-from pga_me_ros.arrays import Float32Array
-from pga_me_ros.core.evaluation import Act, as_evaluated, evaluation_rng
+from pga_me_ros.core.evaluation import as_evaluated, evaluation_rng
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.errors import RequestError, TaskError
 from pga_me_ros.hardware.timing import spread
 from pga_me_ros.player.body_reader import BodyReader
-from pga_me_ros.player.commanded import CommandedJoints, SensorMessages
+from pga_me_ros.player.commanded import CommandedEpisode, CommandedJoints, SensorMessages
 from pga_me_ros.player.display import require_display
 from pga_me_ros.player.gait import Gait
 from pga_me_ros.player.messages import RobotMessages, stamp_of
@@ -85,7 +84,6 @@ class BehaviorPlayer(GraphNode):
         self._sensors: SensorMessages | None = None
         self._joints: CommandedJoints | None = None
         self._show: Callable[[], None] = lambda: None
-        self._shown = 0.0
         if self._mode != "none":
             self._imu_topic = self.create_publisher(Imu, names.IMU, qos.STREAM)
             self._contact_topic = self.create_publisher(
@@ -188,7 +186,15 @@ class BehaviorPlayer(GraphNode):
         else:
             act, rng = as_evaluated(s, gait.controller, k), evaluation_rng(s.seed, k)
         if self._joints:
-            act = self._commanded(self._joints, period)
+            act = CommandedEpisode(
+                self._joints,
+                self._pace,
+                period,
+                lock_step=self._mode == "lock_step",
+                hold_steps=math.ceil(self._values["hold"] / period),
+                show=lambda: self._show(),
+                check=self._check_end,
+            )
         done = watched_rollout(task, act, rng, look)
         self.count_done()
         factor = done.length * period / max(self._pace.elapsed(), 1e-9)
@@ -223,37 +229,6 @@ class BehaviorPlayer(GraphNode):
             self._joints.put(msg.data)
         except RequestError as error:
             self.refused(str(error))
-
-    def _commanded(self, joints: CommandedJoints, period: float) -> Act:
-        """Return what acts in place of a gait in one episode: whoever commands the joints."""
-        held = False
-
-        def show() -> None:
-            self._show()
-
-        def act(_: Float32Array) -> Float32Array:
-            if self._mode == "real_time":
-                self._pace.wait(period)
-                self._check_end()
-                return joints.newest()
-            return joints.answer(self._shown, show, self._check_end)
-
-        def held_first(observation: Float32Array) -> Float32Array:
-            nonlocal held
-            if not held:
-                held = True
-                joints.first(show, self._check_end)
-                self._pace.begin()
-                for _ in range(math.ceil(self._values["hold"] / period)):
-                    show()
-                    act(observation)
-                    if self._mode != "real_time":
-                        self._pace.wait(period)
-                joints.delays.clear()
-                show()
-            return act(observation)
-
-        return held_first
 
     def _tell_of(self, gait: Gait, task: Task) -> None:
         """Say which gait is played, unless it is the one of the last episode."""
@@ -294,7 +269,7 @@ class BehaviorPlayer(GraphNode):
         contacts = self._sensors.contacts(task)
         if contacts is not None:
             self._contact_topic.publish(contacts)
-        self._shown = time.monotonic()
+        self._joints.shown = time.monotonic()
 
     def destroy_node(self) -> None:
         """Stop playing, then destroy the node."""

@@ -164,7 +164,8 @@ class JointController(GraphNode):
             if loop.guard.state is not State.WAITING:  # what was never commanded is left alone
                 self._publish(loop.guard.stop("the controller ends"))
                 self._topic.wait_for_all_acked(LAST_WORDS)
-            self.get_logger().info(loop.timing.summary())
+            if loop.timing.count:
+                self.get_logger().info(loop.timing.summary())
         super().destroy_node()
 
 

@@ -18,6 +18,7 @@ from pga_me_ros.arrays import Float32Array
 from pga_me_ros.errors import RequestError, TaskError
 from pga_me_ros.player.messages import in_base
 from pga_me_ros.player.model import RobotModel, RobotState
+from pga_me_ros.player.pace import Pace
 from pga_me_ros.player.watched_rollout import body_of
 from pga_me_ros.tasks.protocol import Task
 
@@ -42,6 +43,7 @@ class CommandedJoints:
         task: The task; it must have a `body` with the efforts of its joints, and actions NAME/torque.
 
     Attributes:
+        shown: When the sensors spoke last.
         delays: Seconds from each reading of the sensors to the command that answered it, in lock step.
 
     Raises:
@@ -61,6 +63,7 @@ class CommandedJoints:
         self._efforts = np.array([efforts[joint] for joint in joints])
         self._commands: queue.SimpleQueue[Command] = queue.SimpleQueue()
         self._newest: Command | None = None
+        self.shown = 0.0
         self.delays: list[float] = []
 
     def put(self, efforts: Any) -> None:
@@ -88,27 +91,18 @@ class CommandedJoints:
         while time.monotonic() < deadline and self._wait(SILENCE, check) is not None:
             pass
 
-    def answer(
-        self, since: float, show: Callable[[], None], check: Callable[[], None]
-    ) -> Float32Array:
-        """Wait for the next command, and return it as an action; arguments as in `first`.
-
-        Args:
-            since: When the sensors spoke.
-            show: As in `first`.
-            check: As in `first`.
-        """
+    def answer(self, show: Callable[[], None], check: Callable[[], None]) -> Float32Array:
+        """Wait for the next command, and return it as an action; arguments as in `first`."""
         while (command := self._wait(AGAIN, check)) is None:
             show()
-        self.delays.append(command.at - since)
+        self.delays.append(command.at - self.shown)
         return self._action(command)
 
-    def newest(self) -> Float32Array:
-        """Return the newest command as an action; the joints keep to it until another comes."""
+    def newest(self) -> Float32Array | None:
+        """Return the newest command as an action; the joints keep to it until another comes. None before the first."""
         while not self._commands.empty():
             self._newest = self._commands.get()
-        assert self._newest is not None
-        return self._action(self._newest)
+        return None if self._newest is None else self._action(self._newest)
 
     def _wait(self, seconds: float, check: Callable[[], None]) -> Command | None:
         check()
@@ -120,6 +114,71 @@ class CommandedJoints:
 
     def _action(self, command: Command) -> Float32Array:
         return (np.array(command.efforts) / self._efforts).astype(np.float32)
+
+
+class CommandedEpisode:
+    """Acts in place of a gait in one episode: whoever commands the joints.
+
+    Args:
+        joints: The joints.
+        pace: Real time, or a multiple of it.
+        period: Control period, s.
+        lock_step: Whether each step waits for its command; otherwise the newest one counts when a period is over.
+        hold_steps: Periods for which the robot is held in its initial pose while it is commanded.
+        show: Publishes what the sensors say.
+        check: Raises when a wait should end.
+    """
+
+    def __init__(
+        self,
+        joints: CommandedJoints,
+        pace: Pace,
+        period: float,
+        *,
+        lock_step: bool,
+        hold_steps: int,
+        show: Callable[[], None],
+        check: Callable[[], None],
+    ) -> None:
+        self._joints = joints
+        self._pace = pace
+        self._period = period
+        self._lock_step = lock_step
+        self._hold_steps = hold_steps
+        self._show = show
+        self._check = check
+        self._held = False
+
+    def __call__(self, _: Float32Array) -> Float32Array:
+        """Return the action for the step that comes next."""
+        if not self._held:
+            self._held = True
+            self._hold()
+            self._pace.begin()
+        return self._action()
+
+    def _hold(self) -> None:
+        """Keep the robot where it is, until somebody commands it and has had time to ramp in."""
+        if self._lock_step:
+            self._joints.first(self._show, self._check)
+            self._show()
+        for _ in range(self._hold_steps):
+            self._action()
+            if self._lock_step:
+                self._pace.wait(self._period)
+            self._show()
+        self._joints.delays.clear()
+
+    def _action(self) -> Float32Array:
+        if self._lock_step:
+            return self._joints.answer(self._show, self._check)
+        while True:
+            self._pace.wait(self._period)
+            self._check()
+            action = self._joints.newest()
+            if action is not None:
+                return action
+            self._show()
 
 
 class SensorMessages:

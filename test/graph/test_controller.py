@@ -31,6 +31,11 @@ REPERTOIRE = "zoo/qd_hopper"
 MAPPING = Path(__file__).resolve().parents[2] / "config" / "hardware" / "qd_hopper.yaml"
 JOINTS = ["thigh_joint", "leg_joint", "foot_joint"]
 
+# A second controller in another namespace, which hears the same sensors.
+REMAPPED = ["-r", "__ns:=/other"]
+for topic in (names.JOINT_STATES, names.ODOMETRY, names.IMU, names.CONTACTS):
+    REMAPPED += ["-r", f"{topic}:=/{topic}"]
+
 
 def test_the_loop_closed_over_topics_gives_the_gait_that_was_promised(
     graph: Graph, probe: Probe
@@ -186,6 +191,23 @@ def test_nan_in_a_sensor_reaches_no_joint_and_freezes_if_it_lasts(driven: Driven
     assert not driven.moves()  # the sensors speak sense again, but nobody released it
     driven.stop(on=False)
     assert driven.moves()
+
+
+def test_a_joint_that_the_robot_has_not_ends_it_in_one_line(driven: Driven, tmp_path: Path) -> None:
+    mapping = tmp_path / "mapping.yaml"
+    mapping.write_text(MAPPING.read_text().replace("joint: foot_joint", "joint: ankle_joint"))
+    parameters = {"repertoire": REPERTOIRE, "mapping": mapping}
+    graph = Graph(driven.probe.context.get_domain_id(), tmp_path)
+    other = graph.start("controller", parameters, *REMAPPED)
+
+    def ended() -> bool:
+        driven.speak()
+        return other.process.poll() is not None
+
+    wait_until(ended, "its end")
+    assert other.wait() == 2
+    words = "error: Topic 'joint_states' has no joint 'ankle_joint' (did you mean 'leg_joint'?); it has thigh_joint,"
+    assert other.output.splitlines()[-1].startswith(words)
 
 
 @pytest.mark.parametrize(

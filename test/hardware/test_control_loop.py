@@ -67,6 +67,40 @@ def test_stale_sensors_freeze_it_and_their_return_alone_does_not_release_it() ->
     assert loop.guard.reason == "position.z on topic 'odom' is 0.11 s old"
 
 
+def test_positions_begin_where_the_joints_are_and_reach_what_the_action_stands_for() -> None:
+    hopper = MAPPINGS["qd_hopper"]
+    joints = tuple(
+        dataclasses.replace(joint, scale=0.5, offset=-0.5, low=-1.0, high=0.0, rate=1000.0)
+        for joint in hopper.joints
+    )
+    mapping = dataclasses.replace(hopper, positions=True, joints=joints)
+    controller, task = controller_of("qd_hopper"), make_task("qd_hopper")
+    values = {**dataclasses.asdict(HardwareSettings()), "ramp": 2 * controller.control_period}
+    loop = ControlLoop(mapping, controller, values)
+    observation = task.reset(evaluation_rng(3, 1))
+    for source, msg in Sensors(task).messages().items():
+        loop.observer.take(source, msg, 0.0)
+    measured = np.array(task.joint_states()[0])  # type: ignore[attr-defined]
+    task.close()
+    wanted = 0.5 * controller(observation).astype(np.float64) - 0.5
+    half = np.clip(measured + 0.5 * (wanted - measured), -1.0, 0.0)
+    np.testing.assert_allclose(loop.step(0.0), half, atol=1e-12)
+    np.testing.assert_array_equal(loop.step(0.0), wanted)
+
+
+def test_joints_get_the_actions_that_the_mapping_gives_them() -> None:
+    hopper, controller = MAPPINGS["qd_hopper"], controller_of("qd_hopper")
+    mapping = dataclasses.replace(hopper, joints=hopper.joints[::-1])
+    values = {**dataclasses.asdict(HardwareSettings()), "ramp": 0.0}
+    loop, task = ControlLoop(mapping, controller, values), make_task("qd_hopper")
+    observation = task.reset(evaluation_rng(3, 1))
+    for source, msg in Sensors(task).messages().items():
+        loop.observer.take(source, msg, 0.0)
+    task.close()
+    command = loop.step(0.0)
+    np.testing.assert_array_equal(command, 75.0 * controller(observation)[::-1].astype(np.float64))
+
+
 def test_a_trigger_that_is_no_source_is_refused() -> None:
     words = (
         r"trigger is 'joint' \(did you mean 'joints'\?\), but the sources of .* are joints, odom"

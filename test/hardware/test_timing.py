@@ -26,5 +26,5 @@ def test_a_pause_is_no_interval() -> None:
     assert (timing.count, timing.late) == (2, 0)
 
 
-def test_without_commands_it_says_so() -> None:
-    assert Timing(0.010).summary() == "no command was given"
+def test_without_commands_there_is_nothing_to_say_about_them() -> None:
+    assert Timing(0.010).values()["jitter median, 99 % (ms)"] == "-, -"
