@@ -13,10 +13,9 @@ from pga_me_ros.arrays import Float64Array
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.errors import RequestError
 from pga_me_ros.player.gait import Gait
-from pga_me_ros.player.model import Link, RobotModel, RobotState
+from pga_me_ros.player.model import RobotState
 from pga_me_ros.player.promise import is_kept
 from pga_me_ros.player.recorded_gait import evaluated_again, steps_between
-from pga_me_ros.player.transform import Transform
 from pga_me_ros.player.watched_rollout import Recording
 from pga_me_ros.tasks.protocol import Task
 from pga_me_ros.tasks.spec import TaskSpec
@@ -171,38 +170,3 @@ def pack(table: Float64Array, levels: int) -> dict[str, Any]:
         "step": step.tolist(),
         "data": base64.b64encode(packed.tobytes()).decode(),
     }
-
-
-def describe_model(model: RobotModel) -> dict[str, Any]:
-    """Return links with their shapes, and the joints between them, fit for JSON; poses are (x, y, z, quaternion)."""
-    return {
-        "name": model.name,
-        "links": [{"name": link.name, "shapes": _shapes(link)} for link in model.links],
-        "joints": [
-            {
-                "name": joint.name,
-                "kind": joint.kind,
-                "parent": joint.parent,
-                "child": joint.child,
-                "origin": _pose(joint.origin),
-                "axis": list(joint.axis),
-            }
-            for joint in model.joints
-        ],
-    }
-
-
-def _shapes(link: Link) -> list[dict[str, Any]]:
-    return [
-        {
-            "kind": shape.kind,
-            "size": list(shape.size),
-            "pose": _pose(shape.pose),
-            "color": list(shape.color),
-        }
-        for shape in link.shapes
-    ]
-
-
-def _pose(pose: Transform) -> list[float]:
-    return [round(x, 7) for x in (*pose.position, *pose.rotation)]

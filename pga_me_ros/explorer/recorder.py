@@ -10,7 +10,8 @@ from pga_me_ros.core.archive.spread import spread_cells
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.core.storage.stored_run import StoredRun
 from pga_me_ros.errors import PgaError
-from pga_me_ros.explorer.motion import EpisodeStart, describe_model, describe_motion, recorded
+from pga_me_ros.explorer.motion import EpisodeStart, describe_motion, recorded
+from pga_me_ros.explorer.robot_model import describe_model
 from pga_me_ros.player.body_reader import BodyReader
 from pga_me_ros.player.gait import Gait
 from pga_me_ros.player.watched_rollout import body_of

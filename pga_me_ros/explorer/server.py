@@ -99,6 +99,9 @@ class Server:
         access: Who may do what.
         title: Title of the page.
         is_ending: Whether the server is being stopped.
+
+    Attributes:
+        watched: Number of pages that listen to news.
     """
 
     def __init__(
@@ -110,7 +113,7 @@ class Server:
         # PyBullet, one episode at a time; looking at the sources must not wait for it.
         self._simulating = ThreadPoolExecutor(1, "simulating")
         self._looking = ThreadPoolExecutor(1, "looking")
-        self._watched = 0
+        self.watched = 0
         self.app = Starlette(
             routes=[
                 Route("/", self._page),
@@ -139,7 +142,7 @@ class Server:
         """Look at the sources again and again while a page is open; nobody pays for a page that is closed."""
         loop = asyncio.get_running_loop()
         while True:
-            if self._watched:
+            if self.watched:
                 for source in self._sources:
                     await loop.run_in_executor(self._looking, source.refresh)
             await asyncio.sleep(LOOK_EVERY)
@@ -147,10 +150,13 @@ class Server:
     def _content(self, run: int) -> dict[str, Any]:
         if not 0 <= run < len(self._sources):
             raise RequestError(f"There is no run {run}; this page shows {len(self._sources)}.")
-        source, recorder = self._sources[run], self._recorders[run]
+        return {"version": self._sources[run].version, **self._sources[run].content}
+
+    def _with_robot(self, run: int) -> dict[str, Any]:
+        """Return what the page shows of a run, and what never changes: the robot, and its starts."""
+        recorder = self._recorders[run]
         return {
-            "version": source.version,
-            **source.content,
+            **self._content(run),
             "model": recorder.model,
             "model_missing": recorder.missing,
             "starts": list(STARTS),
@@ -158,7 +164,7 @@ class Server:
         }
 
     async def _page(self, request: Request) -> Response:
-        runs = [self._content(run) for run in range(len(self._sources))]
+        runs = [self._with_robot(run) for run in range(len(self._sources))]
         content = {
             "title": self._title,
             "live": True,
@@ -220,7 +226,7 @@ class Server:
 
     async def _news(self) -> AsyncIterator[str]:
         """Yield the newest state whenever it has changed; a slow browser gets fewer of them, never a queue."""
-        self._watched += 1
+        self.watched += 1
         told, quiet = "", 0
         try:
             while not self._is_ending():
@@ -238,7 +244,7 @@ class Server:
                     yield ": still here\n\n"
                 await asyncio.sleep(LOOK_EVERY / 2)
         finally:
-            self._watched -= 1
+            self.watched -= 1
 
 
 async def _told(_: Request, error: Exception) -> Response:

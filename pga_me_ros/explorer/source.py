@@ -95,11 +95,12 @@ class StoredSource:
         if stamp == self._stamp and not self.problem:
             return
         try:
-            self._run = StoredRun.load(self._path)
+            run = StoredRun.load(self._path)
+            _require_same(run.settings, self.settings)
         except (PgaError, OSError) as error:
             self.problem = f"{error} The page shows the last state that could be read."
             return
-        self._stamp, self.problem = stamp, ""
+        self._run, self._stamp, self.problem = run, stamp, ""
         self.content = self._described()
         self.version += 1
 
@@ -143,3 +144,14 @@ class StoredSource:
             except OSError:
                 stamps.append(None)
         return tuple(stamps)
+
+
+def _require_same(found: Settings, shown: Settings) -> None:
+    """Make sure that motions are still simulated as the run would.
+
+    Raises:
+        RequestError: Another run has taken the place of the one that is shown.
+    """
+    for name in ("task", "seed", "randomization"):
+        if getattr(found, name) != getattr(shown, name):
+            raise RequestError("Another run has taken its place; restart the explorer to see it.")

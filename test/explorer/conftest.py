@@ -1,13 +1,18 @@
-"""One browser for all tests of the page."""
+"""One browser for all tests of the page, and one page of a repertoire that comes with the package."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 from browsing import Page, running_browser
+
+from pga_me_ros.explorer.__main__ import main
+
+ZOO = "zoo/qd_hopper"
+UNSEEN_SEED = 3
 
 
 @pytest.fixture(scope="session")
@@ -30,3 +35,24 @@ def pages(browser: Any) -> Iterator[Any]:
     yield show
     for page in opened:
         page.close()
+
+
+@pytest.fixture(scope="session")
+def other_run(new_run: Callable[..., Path]) -> Path:
+    """Return the folder of a run like `hopper_run` with another seed; only read it."""
+    return new_run(seed=6)
+
+
+@pytest.fixture(scope="session")
+def hopper_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a page in one file, with three gaits in motion."""
+    out = tmp_path_factory.mktemp("page") / "hopper.html"
+    assert main([ZOO, "--html", str(out), "--motions", "3", "--seed", str(UNSEEN_SEED)]) == 0
+    return out
+
+
+@pytest.fixture(scope="session")
+def hopper_page(hopper_file: Path, pages: Any) -> Page:
+    """Return this file, open without a network."""
+    shown: Page = pages(hopper_file, offline=True)
+    return shown

@@ -6,21 +6,29 @@ import io
 import os
 import shutil
 import signal
+import socket
 import subprocess
 import sys
+import threading
+import time
 import urllib.error
 import urllib.request
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import uvicorn
+from starlette.applications import Starlette
 
 from pga_me_ros.core.storage.stored_run import StoredRun
 from pga_me_ros.explorer.__main__ import main
 from pga_me_ros.explorer.live import access_for
+from pga_me_ros.explorer.server import Server as ExplorerServer
+from pga_me_ros.explorer.source import StoredSource
 from pga_me_ros.player.watched_rollout import record
 from pga_me_ros.tasks.registry import make_task
 
@@ -47,15 +55,27 @@ def started(*words: str) -> Server:
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     assert process.stdout is not None
     address = process.stdout.readline().strip()
-    assert address.startswith("http://127.0.0.1:"), process.communicate()
-    return Server(process, address)
+    assert address.startswith("http://"), process.communicate()
+    return Server(process, address.replace("//0.0.0.0:", "//127.0.0.1:"))
+
+
+@contextmanager
+def running(app: Starlette) -> Iterator[int]:
+    """Serve an application in this process; gives its port."""
+    listening = socket.create_server(("127.0.0.1", 0))
+    server = uvicorn.Server(uvicorn.Config(app, log_level="warning"))
+    thread = threading.Thread(target=server.run, kwargs={"sockets": [listening]})
+    thread.start()
+    yield listening.getsockname()[1]
+    server.should_exit = True
+    thread.join()
 
 
 @pytest.fixture(scope="module")
-def folder(new_run: Callable[..., Path], tmp_path_factory: pytest.TempPathFactory) -> Path:
+def folder(hopper_run: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a copy of a run that the tests may change."""
     copy = tmp_path_factory.mktemp("live") / "run"
-    shutil.copytree(new_run(), copy)
+    shutil.copytree(hopper_run, copy)
     return copy
 
 
@@ -147,18 +167,23 @@ def test_a_page_for_others_needs_its_token_and_only_looks() -> None:
     assert access_for("0.0.0.0", control=True, token=False).control
 
 
-def test_without_the_token_nothing_is_shown(folder: Path, pages: Callable[..., Any]) -> None:
-    server = started(str(folder), "--token")
+def test_others_need_the_token_and_only_look(folder: Path, pages: Callable[..., Any]) -> None:
+    server = started(str(folder), "--host", "0.0.0.0")
     page = pages(server.address)
     assert page.figures()["cell"]
     bare, token = server.address.split("?token=")
     closed = Server(server.process, bare)
     assert [closed.get(path)[0] for path in ("", "api/run/0", "?token=x")] == [403] * 3
     assert closed.get(f"api/run/0?token={token}")[0] == 200
+    path = f"api/control/0?token={token}"
+    status, words = closed.get(path, b'{"action": "stop"}', X_Explorer="1")
+    assert (status, b"This page is read-only" in words) == (400, True)
     server.process.send_signal(signal.SIGINT)
     assert server.process.wait(20) == 0
     page.wait("document.getElementById('message').innerText.includes('does not answer')")
-    assert "Traceback" not in server.process.communicate()[1]
+    printed = server.process.communicate()[1]
+    assert "everybody who can reach it, with this token and is read-only" in printed
+    assert "Traceback" not in printed
 
 
 def test_a_port_that_is_taken_is_told(
@@ -169,7 +194,23 @@ def test_a_port_that_is_taken_is_told(
     assert f"Port {port} of 127.0.0.1 is taken" in capsys.readouterr().err
 
 
-def test_the_page_follows_its_files(page: Any, folder: Path, new_run: Callable[..., Path]) -> None:
+def test_a_browser_that_goes_away_costs_nothing(folder: Path) -> None:
+    source = StoredSource(folder, "run")
+    app = ExplorerServer([source], access_for("127.0.0.1", control=False, token=False), "", bool)
+    with running(app.app) as port:
+        for _ in range(3):
+            with socket.create_connection(("127.0.0.1", port)) as browser:
+                browser.sendall(b"GET /api/events HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n")
+                assert browser.recv(1000)
+        end = time.monotonic() + 30.0
+        while app.watched:
+            assert time.monotonic() < end
+            threading.Event().wait(0.02)
+
+
+def test_the_page_follows_its_files(
+    page: Any, folder: Path, new_run: Callable[..., Path], other_run: Path
+) -> None:
     more = new_run(evaluations=60)
     elites = len(StoredRun.load(more).archive)
     before = page.eval("Explorer.state.runs[0].elites.length")
@@ -188,8 +229,11 @@ def test_the_page_follows_its_files(page: Any, folder: Path, new_run: Callable[.
     replace(more / "repertoire.db", file)
     page.wait("document.getElementById('message').hidden")
 
+    replace(other_run / "repertoire.db", file)
+    page.wait("document.getElementById('message').innerText.includes('Another run has taken')")
+
     shutil.rmtree(folder)
-    page.wait("!document.getElementById('message').hidden")
+    page.wait("document.getElementById('message').innerText.includes('no repertoire')")
     assert page.eval("document.querySelectorAll('.cell.elite').length") == elites
 
 

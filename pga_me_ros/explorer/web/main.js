@@ -93,8 +93,7 @@ const Explorer = (() => {
   // Takes what has changed of a run; the gait that is watched goes on unless another has taken its cell.
   function update(index, content) {
     const before = Store.chosen();
-    const contents = Store.state.runs.map((run, i) => (i === index ? { ...content, starts: run.starts } : null));
-    const runs = Store.state.runs.map((run, i) => (contents[i] ? Store.read(contents[i], i) : run));
+    const runs = Store.state.runs.map((run, i) => (i === index ? Store.read({ ...run, ...content }, i) : run));
     for (const run of runs) run.caption = caption(run, runs);
     Store.set({ runs });
     const after = Store.chosen();

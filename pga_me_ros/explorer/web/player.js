@@ -33,8 +33,9 @@ const Player = (() => {
       const motions = await Promise.all(wanted.map((lane) => Motions.find(Store.state.runs[lane.run], lane.cell, lane.start)));
       if (turn !== asked) return;
       lanes = wanted.map((lane, i) => ({ ...lane, motion: motions[i] }));
-      const missing = Stage.show(lanes.map((lane) => Store.state.runs[lane.run].model));
-      say(missing ? `${missing} shapes of this robot are meshes, which are not drawn.` : "");
+      const models = lanes.map((lane) => Store.state.runs[lane.run].model);
+      Stage.show(models);
+      say([...new Set(models.map((model) => model.note))].join(" ").trim());
     } catch (error) {
       if (turn !== asked) return;
       lanes = [];

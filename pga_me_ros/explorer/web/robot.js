@@ -20,28 +20,35 @@ const Robot = (() => {
     ],
   };
 
-  function addShape(group, { kind, size, pose, color }) {
-    const make = GEOMETRIES[kind];
-    if (!make) return false; // a mesh lies in a file of its own
-    const [red, green, blue, opacity] = color;
-    const material = new THREE.MeshStandardMaterial({ color: new THREE.Color(red, green, blue), roughness: 0.65, transparent: opacity < 1, opacity });
-    for (const geometry of make(size)) {
-      const mesh = new THREE.Mesh(geometry, material);
-      mesh.position.copy(vector(pose));
-      mesh.quaternion.copy(quaternion(pose.slice(3)));
-      mesh.castShadow = true;
-      group.add(mesh);
-    }
-    return true;
+  const bytes = (text) => Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0)).buffer;
+
+  // Meshes come as triangles; the order of their corners cannot be relied on, so both sides are drawn.
+  function triangles({ size, vertices, triangles }) {
+    const geometry = new THREE.BufferGeometry();
+    geometry.setAttribute("position", new THREE.BufferAttribute(new Float32Array(bytes(vertices)), 3));
+    geometry.setIndex(new THREE.BufferAttribute(new Uint32Array(bytes(triangles)), 1));
+    return [geometry.scale(...size)];
   }
 
-  // Returns {group, set(pose), missing}: `missing` counts shapes that cannot be drawn.
+  function addShape(group, shape) {
+    const { kind, size, pose, color } = shape;
+    const [red, green, blue, opacity] = color;
+    const mesh = kind === "mesh";
+    const material = new THREE.MeshStandardMaterial({ color: new THREE.Color(red, green, blue), roughness: 0.65, transparent: opacity < 1, opacity, flatShading: mesh, side: mesh ? THREE.DoubleSide : THREE.FrontSide });
+    for (const geometry of mesh ? triangles(shape) : GEOMETRIES[kind](size)) {
+      const part = new THREE.Mesh(geometry, material);
+      part.position.copy(vector(pose));
+      part.quaternion.copy(quaternion(pose.slice(3)));
+      part.castShadow = true;
+      group.add(part);
+    }
+  }
+
   function build(model) {
     const links = new Map();
-    let missing = 0;
     for (const link of model.links) {
       const group = new THREE.Group();
-      for (const shape of link.shapes) if (!addShape(group, shape)) missing += 1;
+      for (const shape of link.shapes) addShape(group, shape);
       links.set(link.name, group);
     }
     const movable = [];
@@ -85,7 +92,7 @@ const Robot = (() => {
       });
     }
 
-    return { group, set, joints, drop, missing };
+    return { group, set, joints, drop };
   }
 
   return { build };

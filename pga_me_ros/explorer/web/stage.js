@@ -80,7 +80,7 @@ const Stage = (() => {
     render();
   }
 
-  // Shows one robot per model; returns how many shapes cannot be drawn.
+  // Shows one robot per model.
   function show(models) {
     for (const lane of lanes) {
       scene.remove(lane.outer);
@@ -94,7 +94,6 @@ const Stage = (() => {
       scene.add(outer);
       return { robot, outer };
     });
-    return lanes.reduce((sum, lane) => sum + lane.robot.missing, 0);
   }
 
   // Poses every robot; the camera goes along with the first.
