@@ -8,17 +8,18 @@ from pathlib import Path
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import LinearSegmentedColormap, Normalize
 from matplotlib.figure import Figure
 from matplotlib.typing import LineStyleType
 
-from pga_me_ros.core.archive.heatmap import ANCHORS, draw_heatmap
+from pga_me_ros.core.archive.color_range import color_range
+from pga_me_ros.core.archive.heatmap import draw_heatmap
 from pga_me_ros.paths import file_name
 from pga_me_ros.report.comparison import METRICS, Comparison, TaskComparison
 from pga_me_ros.report.paper import LABEL
 from pga_me_ros.report.pictures import (
     LINE_STYLES,
     PAPER_COLOR,
+    draw_color_scale,
     draw_paper,
     label_axes,
     legend,
@@ -114,8 +115,8 @@ def _draw_archives(task: TaskComparison, folder: Path, *, single: bool) -> list[
     runs = {system: task.typical(system) for system in task.systems}
     corrected = not single and all(run.is_corrected for run in runs.values())
     archives = {system: run.load_archive(corrected=corrected) for system, run in runs.items()}
-    low = min(archive.min_fitness for archive in archives.values())
-    high = max(archive.max_fitness for archive in archives.values())
+    fitness = np.concatenate([archive.fitness[archive.filled] for archive in archives.values()])
+    low, high = color_range(fitness)
     columns = min(3, len(runs))
     rows = -(-len(runs) // columns)
     one_dimension = next(iter(archives.values())).dimensions == 1
@@ -135,9 +136,7 @@ def _draw_archives(task: TaskComparison, folder: Path, *, single: bool) -> list[
         figure.supylabel(axes.get_ylabel(), fontsize=10)
         axes.set(xlabel="", ylabel="")
         axes.set_title(f"{system}, seed {runs[system].seed}", fontsize=9)
-    colors = LinearSegmentedColormap.from_list("fitness", np.array(ANCHORS) / 255.0)
-    scale = mpl.cm.ScalarMappable(Normalize(low, high), colors)
-    figure.colorbar(scale, ax=grid, label="fitness (sum of rewards)")
+    draw_color_scale(figure, grid, "fitness (sum of rewards)", fitness)
     what = "; corrected by the means of re-evaluations" if corrected else ""
     title = f"{task.task}: of each system the run with the median QD-score{what}"
     figure.suptitle(title, fontsize=10)

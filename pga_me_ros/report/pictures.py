@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -13,8 +14,11 @@ from matplotlib.colors import LinearSegmentedColormap, Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.typing import LineStyleType
+from numpy.typing import NDArray
 
+from pga_me_ros.arrays import Float64Array
 from pga_me_ros.core.archive.archive import Archive
+from pga_me_ros.core.archive.color_range import color_range
 from pga_me_ros.core.archive.corrected import corrected_archive, steady_archive
 from pga_me_ros.core.archive.heatmap import ANCHORS, Image, draw_heatmap
 from pga_me_ros.core.storage.stored_run import StoredRun
@@ -85,13 +89,35 @@ def draw_archive(run: StoredRun, folder: Path, *, single: bool = False) -> list[
     if again:
         title += f"\ncorrected by the means of {again.repeats} re-evaluations; hatched: falls in more than half of them"
     axes.set_title(title, fontsize=10)
-    fitness = archive.fitness[archive.filled]
-    colors = LinearSegmentedColormap.from_list("fitness", np.array(ANCHORS) / 255.0)
-    least, most = (fitness.min(), fitness.max()) if len(fitness) else (0.0, 1.0)
-    scale = mpl.cm.ScalarMappable(Normalize(least, most), colors)
     label = "mean fitness (sum of rewards)" if again else "fitness (sum of rewards)"
-    figure.colorbar(scale, ax=axes, label=label)
+    draw_color_scale(figure, axes, label, archive.fitness[archive.filled])
     return save(figure, folder / f"{run.name}-archive")
+
+
+def draw_color_scale(
+    figure: Figure, axes: Axes | NDArray[Any], label: str, fitness: Float64Array
+) -> None:
+    """Draw the scale of a heatmap's colors; an arrow at an end, and the label, tell which fitness is beyond it.
+
+    Args:
+        figure: The figure.
+        axes: The axes of the heatmaps.
+        label: What the colors show.
+        fitness: (n,) fitness of all elites shown.
+    """
+    low, high = color_range(fitness)
+    least, most = fitness.min(initial=low), fitness.max(initial=high)
+    beyond = [f"down to {least:,.0f}"] * bool(least < low) + [f"up to {most:,.0f}"] * bool(
+        most > high
+    )
+    extend = {(True, True): "both", (True, False): "min", (False, True): "max"}
+    colors = LinearSegmentedColormap.from_list("fitness", np.array(ANCHORS) / 255.0)
+    figure.colorbar(
+        mpl.cm.ScalarMappable(Normalize(low, high), colors),
+        ax=axes,
+        label=f"{label}; outliers: {', '.join(beyond)}" if beyond else label,
+        extend=extend.get((bool(least < low), bool(most > high)), "neither"),
+    )
 
 
 def hatched(image: Image, steady: Archive, whole: Archive) -> Image:
@@ -106,7 +132,7 @@ def hatched(image: Image, steady: Archive, whole: Archive) -> Image:
     if not len(fitness):
         return image
     # A pixel shows the fittest of its cells, so a pixel that changes without the other elites shows one of them.
-    alone = draw_heatmap(steady, PIXELS, float(fitness.min()), float(fitness.max()))
+    alone = draw_heatmap(steady, PIXELS, *color_range(fitness))
     rows, columns = np.indices(image.shape[:2])
     lines = (rows + columns) % HATCH < HATCH // 3
     marked = (image != alone).any(axis=2) & lines

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from pga_me_ros.core.archive.color_range import color_range
 from pga_me_ros.core.storage.stored_run import StoredRun
 from pga_me_ros.explorer.__main__ import main
 from pga_me_ros.explorer.recorder import chosen_cells
@@ -133,6 +134,16 @@ def test_a_gait_that_was_not_recorded_says_so(page: Any, run: StoredRun) -> None
     page.page.wait_for_selector("#no-stage:visible")
     assert f"The motion of cell {cell} is not in this file" in page.page.inner_text("#no-stage")
     assert page.figures()["cell"] == str(cell)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_color_scale_is_that_of_the_heatmap(page: Any, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    values = rng.normal(size=int(rng.integers(1, 120)))
+    for outliers in ([], [1e3], [1e3, -1e3, -2e3]):
+        given = [*values.tolist(), *outliers]
+        found = page.eval("(values) => Colors.range(values)", given)
+        assert found == list(color_range(np.array(given)))
 
 
 def test_colors_switch_with_their_legend(page: Any) -> None:

@@ -11,6 +11,7 @@ from pathlib import Path
 import matplotlib as mpl
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from matplotlib.image import imread
 
 from pga_me_ros.core.archive.elites import Solutions
@@ -24,7 +25,7 @@ from pga_me_ros.report.__main__ import draw, draw_comparison, table
 from pga_me_ros.report.compared_run import ComparedRun
 from pga_me_ros.report.comparison import compare
 from pga_me_ros.report.lineage import COLORS, draw_lineage, look
-from pga_me_ros.report.pictures import LINE_STYLES, draw_archive, draw_curves
+from pga_me_ros.report.pictures import LINE_STYLES, draw_archive, draw_color_scale, draw_curves
 from pga_me_ros.tasks.registry import task_spec
 
 TASKS = ["qd_hopper", "qd_walker", "qd_ant"]
@@ -214,3 +215,17 @@ def test_nothing_is_cut_off_at_the_edge_of_a_picture(tmp_path: Path, task: str, 
         picture = imread(file)[..., :3]
         edges = [picture[0], picture[-1], picture[:, 0], picture[:, -1]]
         assert all((edge == 1.0).all() for edge in edges), file.name
+
+
+@pytest.mark.parametrize(
+    ("outliers", "words"),
+    [
+        ([], "fitness"),
+        ([5e3], "fitness; outliers: up to 5,000"),
+        ([-7e3, 5e3], "fitness; outliers: down to -7,000, up to 5,000"),
+    ],
+)
+def test_the_color_scale_tells_what_lies_beyond_it(outliers: list[float], words: str) -> None:
+    figure = Figure()
+    draw_color_scale(figure, figure.add_subplot(), "fitness", np.array([*range(100), *outliers]))
+    assert figure.axes[1].get_ylabel() == words

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from pga_me_ros.arrays import Int64Array
 from pga_me_ros.core.archive.archive import Archive
+from pga_me_ros.core.archive.color_range import color_range
 from pga_me_ros.core.archive.geometry import nearest_centroids_on_raster
 from pga_me_ros.errors import ArchiveError
 
@@ -75,16 +76,16 @@ class FitnessMap:
 
         Returns:
             (rows, columns) int8, the row of the lowest second descriptor first: 0 for the worst elite to 100 for the
-            best (100 for all if they are equally fit), -1 for no elite.
+            best, outliers apart (`color_range`; 100 for all if they are equally fit), -1 for no elite.
         """
         shown = np.full(archive.cells, EMPTY, np.int8)
         fitness = archive.fitness[archive.filled]
         if len(fitness):
-            worst, best = fitness.min(), fitness.max()
+            worst, best = color_range(fitness)
             # Halved first: the difference of two finite numbers may be infinite.
             span = best / 2 - worst / 2
             share = (fitness / 2 - worst / 2) / span if span > 0 else np.ones_like(fitness)
-            shown[archive.filled] = np.rint(BEST * share)
+            shown[archive.filled] = np.rint(BEST * np.clip(share, 0.0, 1.0))
         inside = self._cells != OUTSIDE
         return np.where(inside, shown[self._cells], np.int8(EMPTY))
 

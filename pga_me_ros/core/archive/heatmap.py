@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from pga_me_ros.arrays import Float64Array, Int64Array
 from pga_me_ros.core.archive.archive import Archive
+from pga_me_ros.core.archive.color_range import color_range
 from pga_me_ros.core.archive.geometry import nearest_centroids_of_group, nearest_centroids_on_raster
 from pga_me_ros.errors import ArchiveError
 
@@ -39,8 +40,8 @@ def draw_heatmap(
     Args:
         archive: Archive to show, of any number of cells and dimensions.
         width: Pixels from left to right.
-        low: Fitness of the darkest color, None for the lowest in the archive.
-        high: Fitness of the brightest color, None for the highest.
+        low: Fitness of the darkest color, None for the lowest in the archive, outliers apart (`color_range`).
+        high: Fitness of the brightest color, None for the highest in the same way.
 
     Returns:
         (h, w, 3) uint8 RGB image, top row first; w and, for two dimensions and more, h are at most
@@ -156,9 +157,9 @@ class _Axis:
 
 def _colors(values: Float64Array, archive: Archive, low: float | None, high: float | None) -> Image:
     """Return (h, w) fitness values, NaN for empty cells, as (h, w, 3) colors."""
-    fitness = archive.fitness[archive.filled]
-    least = low if low is not None else float(fitness.min(initial=math.inf))
-    most = high if high is not None else float(fitness.max(initial=-math.inf))
+    darkest, brightest = color_range(archive.fitness[archive.filled])
+    least = low if low is not None else darkest
+    most = high if high is not None else brightest
     empty = np.isnan(values)
     # Halved first: the difference of two finite numbers may be infinite.
     span = most / 2 - least / 2

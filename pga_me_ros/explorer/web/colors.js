@@ -23,6 +23,19 @@ const Colors = (() => {
     return `rgb(${mixed.join(",")})`;
   }
 
+  // The values of the ends of a scale: beyond them are outliers, at most 2 % of the values (core/archive/color_range.py).
+  function range(values) {
+    const ordered = values.filter((value) => value !== null && value !== undefined).sort((a, b) => a - b);
+    if (!ordered.length) return [0, 1];
+    const last = ordered.length - 1;
+    const [first, third] = [ordered[Math.floor(last / 4)], ordered[last - Math.floor(last / 4)]];
+    const spread = 3 * (third - first);
+    const beyond = Math.max(1, Math.floor(0.02 * ordered.length));
+    if (!(spread > 0 && last > 2 * beyond)) return [ordered[0], ordered[last]];
+    const low = Math.max(ordered[0], Math.min(ordered[beyond], first - spread));
+    return [low, Math.min(ordered[last], Math.max(ordered[last - beyond], third + spread))];
+  }
+
   // One scale for all runs, so that equal colors mean equal values in each map.
   function scale(key, runs) {
     const measure = MEASURES[key];
@@ -31,13 +44,14 @@ const Colors = (() => {
       return { measure, color: (elite) => KINDS[Math.max(0, names.indexOf(elite.made_by)) % KINDS.length] };
     }
     const values = runs.flatMap((run) => run.elites.map(measure.value));
-    const [low, high] = measure.range || Numbers.range(values);
+    const [low, high] = measure.range || range(values);
+    const [least, most] = Numbers.range(values);
     const color = (elite) => {
       const value = measure.value(elite);
       if (value === null) return null;
       return onRamp(measure.ramp, high > low ? (value - low) / (high - low) : 1);
     };
-    return { measure, low, high, color };
+    return { measure, low, high, below: least < low, above: most > high, color };
   }
 
   // The first run minus the second, cell by cell.
@@ -47,12 +61,14 @@ const Colors = (() => {
       const other = second.byCell.get(elite.cell);
       if (other) gaps.set(elite.cell, elite.promise - other.promise);
     }
-    const most = Math.max(1e-12, ...[...gaps.values()].map(Math.abs));
+    const sizes = [...gaps.values()].map(Math.abs);
+    const most = Math.max(1e-12, range(sizes)[1]);
+    const beyond = sizes.some((size) => size > most);
     const color = (cell) => {
       if (gaps.has(cell)) return onRamp(DIVERGING, 0.5 + gaps.get(cell) / most / 2);
       return first.byCell.has(cell) ? ONLY.first : ONLY.second;
     };
-    return { gaps, most, color, ramp: DIVERGING };
+    return { gaps, most, beyond, color, ramp: DIVERGING };
   }
 
   function ramp(colors) {
@@ -64,7 +80,7 @@ const Colors = (() => {
   }
 
   function legend(place, key, runs, compared) {
-    const { measure, low, high, color } = scale(key, runs);
+    const { measure, low, high, below, above, color } = scale(key, runs);
     const parts = [];
     const word = (text) => Page.make("span", {}, text);
     if (measure.kinds) {
@@ -72,19 +88,19 @@ const Colors = (() => {
       for (const name of used) parts.push(swatch(color({ made_by: name }), runs[0].operators[name] || name));
     } else {
       const text = measure.percent ? Numbers.percent : Numbers.text;
-      parts.push(word(measure.title), word(text(low)), Page.make("span", { class: "ramp", style: `background:${ramp(measure.ramp)}` }), word(text(high)));
+      parts.push(word(measure.title), word(`${below ? "≤ " : ""}${text(low)}`), Page.make("span", { class: "ramp", style: `background:${ramp(measure.ramp)}` }), word(`${above ? "≥ " : ""}${text(high)}`));
       if (runs.some((run) => run.elites.some((e) => measure.value(e) === null))) {
         parts.push(swatch("var(--soft)", "not re-evaluated"));
       }
     }
     parts.push(swatch("var(--empty)", "empty"));
     if (compared) {
-      const { most } = difference(...runs);
-      parts.push(word("difference"), word(Numbers.text(-most)), Page.make("span", { class: "ramp", style: `background:${ramp(DIVERGING)}` }), word(Numbers.text(most)));
+      const { most, beyond } = difference(...runs);
+      parts.push(word("difference"), word(`${beyond ? "≤ " : ""}${Numbers.text(-most)}`), Page.make("span", { class: "ramp", style: `background:${ramp(DIVERGING)}` }), word(`${beyond ? "≥ " : ""}${Numbers.text(most)}`));
       parts.push(swatch(ONLY.first, "only in the first"), swatch(ONLY.second, "only in the second"));
     }
     Page.replace(place, ...parts);
   }
 
-  return { MEASURES, scale, difference, legend };
+  return { MEASURES, range, scale, difference, legend };
 })();

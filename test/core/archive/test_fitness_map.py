@@ -19,7 +19,7 @@ RNG = np.random.default_rng(0)
 def filled(archive: Archive, n: int = 40) -> Archive:
     archive.add(
         Solutions.of(
-            fitness=RNG.normal(size=n) * 1e3,
+            fitness=RNG.uniform(-1e3, 1e3, n),
             descriptors=RNG.uniform(archive.low, archive.high, (n, archive.dimensions)),
             parameters=np.zeros((n, 1)),
             evaluations=range(n),
@@ -128,3 +128,19 @@ def test_squares_show_the_cells_of_their_centers_in_any_units(scaled: bool) -> N
     )
     expected = np.rint(100 * archive.cell_of(centers) / 29).reshape(90, 10)
     np.testing.assert_array_equal(shown.values(archive), expected)
+
+
+def test_an_outlier_leaves_the_others_their_values() -> None:
+    archive = GridArchive((10, 10), (0.0, 0.0), (1.0, 1.0), 1)
+    centers = (np.arange(10) + 0.5) / 10
+    archive.add(
+        Solutions.of(
+            fitness=[*np.arange(99.0), -1e6],
+            descriptors=np.stack(np.meshgrid(centers, centers), axis=-1).reshape(-1, 2),
+            parameters=np.zeros((100, 1)),
+            evaluations=range(100),
+        )
+    )
+    values = np.sort(FitnessMap(archive).values(archive), axis=None)
+    assert (values.min(), values.max()) == (0, 100)
+    assert len(set(values.tolist())) > 40

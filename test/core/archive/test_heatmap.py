@@ -99,6 +99,14 @@ def test_a_given_scale_is_kept() -> None:
     assert tuple(image[0, 0]) == DARK
 
 
+def test_colors_tell_elites_apart_beside_an_outlier() -> None:
+    descriptors = [[(i + 0.5) / 100] for i in range(100)]
+    fitness = [float(i) for i in range(99)]
+    image = draw_heatmap(filled(grid(1, 100), descriptors, [*fitness, 1e6]), 100)
+    assert len({tuple(color) for color in image[0, :99].tolist()}) > 50
+    assert tuple(image[0, 99]) == BRIGHT
+
+
 def test_an_empty_archive_is_all_gray() -> None:
     assert (draw_heatmap(cvt(2, 4), 20) == EMPTY).all()
 
