@@ -230,15 +230,11 @@ class EvaluatorPool:
         )
 
     def _fits(self, msg: NodeStatus) -> bool:
-        job = self._job
-        if (msg.task, msg.versions) == (job.task, job.versions):
-            return True
-        self._warn_once(
-            (msg.node, msg.host, msg.pid),
-            f"evaluator {msg.node} is not used: it has task '{msg.task}' with {msg.versions}, "
-            f"this run needs '{job.task}' with {job.versions} to give the same results.",
-        )
-        return False
+        reason = self._job.why_not(msg.task, msg.versions)
+        if reason:
+            who = (msg.node, msg.host, msg.pid)
+            self._warn_once(who, f"evaluator {msg.node} is not used: {reason}")
+        return not reason
 
     def _warn_once(self, who: tuple[str, str, int], text: str) -> None:
         key = hash(who)  # a stranger's name may be arbitrarily long

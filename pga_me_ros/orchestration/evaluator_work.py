@@ -147,6 +147,25 @@ class Job:
     versions: str
     randomization: str = ""
 
+    def why_not(self, task: str, versions: str) -> str:
+        """Return why an evaluator is not fit for this work, empty if it is.
+
+        Args:
+            task: Its task.
+            versions: The versions that its results depend on, separated by commas.
+        """
+        if task != self.task:
+            return f"it has task '{task}', this run needs '{self.task}'."
+        theirs, ours = versions.split(", "), self.versions.split(", ")
+        if theirs == ours:
+            return ""
+        found = ", ".join(v for v in theirs if v not in ours) or "no others"
+        needed = ", ".join(v for v in ours if v not in theirs) or "nothing else"
+        return (
+            f"it has {found}, this run needs {needed} to give the same results; start it in an environment like that "
+            "of the run."
+        )
+
     def request(
         self, generation: int, exploration_sigma: float, controllers: Sequence[Controller]
     ) -> Evaluate.Request:

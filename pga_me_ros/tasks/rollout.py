@@ -9,7 +9,7 @@ import numpy as np
 
 from pga_me_ros.arrays import Float32Array, Float64Array
 from pga_me_ros.errors import TaskError
-from pga_me_ros.tasks.protocol import DivergedError, Task
+from pga_me_ros.tasks.protocol import DivergedError, NonFiniteActionError, Task
 from pga_me_ros.tasks.spec import TaskSpec
 
 LARGEST_REWARD = float(np.finfo(np.float32).max)
@@ -124,7 +124,12 @@ def _episode(
     length = 0
     while length < limit and not terminated:
         action = actions[length] = controller(observation)
-        observation, reward, terminated = task.step(action)
+        try:
+            observation, reward, terminated = task.step(action)
+        except NonFiniteActionError:
+            if not np.isfinite(states[length]).all():  # no fault of the controller
+                raise _diverged(spec, length) from None
+            raise
         _put(states, length + 1, observation, spec)
         if not abs(reward) <= LARGEST_REWARD:  # NaN fails every comparison
             if terminated:
@@ -140,12 +145,17 @@ def _episode(
         length += 1
     states, actions, rewards = states[: length + 1], actions[:length], rewards[:length]
     if length == 0 or not np.isfinite(states).all():
-        raise DivergedError(
-            f"{spec.name} left the finite numbers within {length + 1} steps; a task must end the "
-            "episode (terminated) in the step in which that happens, and not begin with it"
-        )
+        raise _diverged(spec, length)
     descriptor = _descriptor(task)
     return Episode(states, actions, rewards, fitness, descriptor, bool(terminated))
+
+
+def _diverged(spec: TaskSpec, length: int) -> DivergedError:
+    """Return the error for a task that returned NaN or infinity and went on, after so many steps."""
+    return DivergedError(
+        f"{spec.name} left the finite numbers within {length + 1} steps; a task must end the "
+        "episode (terminated) in the step in which that happens, and not begin with it"
+    )
 
 
 def _put(states: Float32Array, step: int, observation: Float32Array, spec: TaskSpec) -> None:

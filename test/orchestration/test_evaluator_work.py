@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from pga_me_ros.orchestration.evaluator_work import WORTHWHILE, Chunk, Worker, share
+from pga_me_ros.orchestration.evaluator_work import WORTHWHILE, Chunk, Job, Worker, share
 
 
 def worker(**state: Any) -> Worker:
@@ -71,3 +71,26 @@ def test_short_evaluations_are_not_requested_one_by_one() -> None:
 def test_few_short_evaluations_are_shared_by_all() -> None:
     assert requests(8, 4, WORTHWHILE / 100) == [2, 2, 1, 1, 1, 1]
     assert requests(3, 32, WORTHWHILE / 100) == [1, 1, 1]
+
+
+@pytest.mark.parametrize(
+    ("task", "versions", "words"),
+    [
+        ("qd_hopper", "python 3.11, numpy 2.4.6, pybullet 3.2.7", ""),
+        ("qd_ant", "python 3.11, numpy 2.4.6", "it has task 'qd_ant', this run needs 'qd_hopper'"),
+        (
+            "qd_hopper",
+            "python 3.12, numpy 2.4.6, pybullet 3.2.7",
+            "it has python 3.12, this run needs python 3.11 to give the same results; start it",
+        ),
+        ("qd_hopper", "python 3.11", "this run needs numpy 2.4.6, pybullet 3.2.7 to give"),
+    ],
+)
+def test_an_evaluator_of_another_task_python_or_library_is_told_what_differs(
+    task: str, versions: str, words: str
+) -> None:
+    job = Job("run", "qd_hopper", 0, (1, 1), 1, "python 3.11, numpy 2.4.6, pybullet 3.2.7")
+    reason = job.why_not(task, versions)
+    assert words in reason
+    assert bool(reason) == bool(words)
+    assert "\n" not in reason
