@@ -49,19 +49,20 @@ MAIN_LINE = (
     ("imports of the orchestrator", "init begins", "began"),
     ("ROS and the orchestrator's node", "require_free_name begins", "began"),
     ("listening for namesakes", "require_free_name", "ended"),
-    ("folder of the run", "open_run", "ended"),
+    ("cells, folder of the run", "open_run", "ended"),
 )
 """Parts of the orchestrator's own start, in order: name, and the mark at which the part is over."""
 
 PARTS_OF_CHILDREN = (
-    ("process", "interpreter", "began"),
-    ("imports", "init begins", "began"),
-    ("ROS", "init", "ended"),
-    ("world", "make_task", "ended"),
-    ("heartbeat", "GraphNode.start_heartbeat", "ended"),
-    ("torch", "import torch", "ended"),
+    ("process", ("interpreter",), "began"),
+    ("imports", ("wait_for_word begins", "init begins"), "began"),
+    ("word", ("wait_for_word",), "ended"),
+    ("ROS", ("init",), "ended"),
+    ("world", ("make_task",), "ended"),
+    ("heartbeat", ("GraphNode.start_heartbeat",), "ended"),
+    ("torch", ("import torch",), "ended"),
 )
-"""Columns of the children's table: name, and the mark at which the part is over."""
+"""Columns of the children's table: name, and the mark at which the part is over, the first of these that is there."""
 
 
 @dataclass(frozen=True)
@@ -189,9 +190,10 @@ def evaluated(
     """Return what the marks of a start say."""
     children = {
         name: {
-            part: marks[mark][edge] - began
-            for part, mark, edge in PARTS_OF_CHILDREN
-            if mark in marks and marks[mark][edge] <= ended
+            part: mark[edge] - began
+            for part, choice, edge in PARTS_OF_CHILDREN
+            for mark in [marks[name] for name in choice if name in marks][:1]
+            if mark[edge] <= ended
         }
         for name, marks in sorted(found.items())
         if name != main

@@ -26,7 +26,7 @@ LIBRARIES = ("numpy", "rclpy", "torch", "pybullet", "mujoco", "pga_me_msgs.srv")
 FUNCTIONS = {
     "rclpy": ("init",),
     "pga_me_ros.process.child": ("ChildProcess.__init__",),
-    "pga_me_ros.process.parent_watch": ("wait_until_told",),
+    "pga_me_ros.process.parent_watch": ("wait_for_word",),
     "pga_me_ros.ros.graph_node": ("GraphNode.__init__", "GraphNode.start_heartbeat"),
     "pga_me_ros.orchestration.control": ("Control.__init__",),
     "pga_me_ros.orchestration.free_name": ("require_free_name",),

@@ -11,6 +11,7 @@ from pathlib import Path
 from pga_me_ros.dependencies import EXIT_BAD_INPUT
 from pga_me_ros.errors import PgaError
 from pga_me_ros.process.child import ChildProcess, python_module, stop
+from pga_me_ros.process.prepared_child import PreparedChild
 
 CRASH_LIMIT = 5
 """Deaths of one child without a completed generation in between that end the run."""
@@ -36,6 +37,7 @@ class Child:
         command: Program and arguments.
         log_path: File that its output is appended to.
         inherited: File descriptors that it keeps open.
+        prepared: Process that was started early and is its first one; None for none.
         process: Its present process.
         crashes: Recent deaths by its own fault.
         kills: Recent deaths by SIGKILL.
@@ -46,6 +48,7 @@ class Child:
     command: list[str]
     log_path: Path
     inherited: tuple[int, ...]
+    prepared: PreparedChild | None = None
     crashes: int = 0
     kills: int = 0
 
@@ -56,7 +59,11 @@ class Child:
     def start(self) -> None:
         """Start its process, or a new one after one has ended."""
         self.has_worked, self._started = False, time.monotonic()
-        self.process = ChildProcess(self.command, self.log_path, inherited=self.inherited)
+        early, self.prepared = self.prepared, None
+        if early and early.begin(self.log_path, self.inherited):
+            self.process: ChildProcess = early
+        else:  # whatever ended an early process is reported by the one that takes its place
+            self.process = ChildProcess(self.command, self.log_path, inherited=self.inherited)
 
     @property
     def pid(self) -> int:
@@ -76,13 +83,22 @@ class Children:
         run_dir: Folder of the run; logs go to ``logs/``.
         ros_arguments: ROS arguments that every child gets, such as the namespace.
         lock: File descriptor of the run's lock: while a child lives, the run is in use.
+        prepared: Processes that were started early, by node name; those of nodes that are started leave it.
 
     Attributes:
         restarts: How often a child was restarted.
         pids: Process ids of all children ever started, dead ones included.
     """
 
-    def __init__(self, run_dir: Path, ros_arguments: Sequence[str], lock: int) -> None:
+    def __init__(
+        self,
+        run_dir: Path,
+        ros_arguments: Sequence[str],
+        lock: int,
+        prepared: dict[str, PreparedChild] | None = None,
+    ) -> None:
+        self._run_dir = run_dir
+        self._prepared = {} if prepared is None else prepared
         self._lock = lock
         self._logs = run_dir / "logs"
         self._logs.mkdir(exist_ok=True)
@@ -91,17 +107,14 @@ class Children:
         self.restarts = 0
         self.pids: set[int] = set()
 
-    def start(self, kind: str, name: str, parameters: Path) -> Child:
-        """Start a node.
+    def start(self, kind: str, name: str) -> Child:
+        """Start a node; its parameters must be in its `parameters_file`.
 
         Args:
             kind: Module in `pga_me_ros.nodes`.
             name: Node name.
-            parameters: YAML file with its parameters.
         """
-        arguments = ["--ros-args", "-r", f"__node:={name}", "--params-file", str(parameters)]
-        module = f"pga_me_ros.nodes.{kind}"
-        return self.run(name, python_module(module, *arguments, *self._ros_arguments))
+        return self.run(name, node_command(self._run_dir, kind, name, self._ros_arguments))
 
     def run(self, name: str, command: list[str]) -> Child:
         """Start a command that ends when its standard input closes.
@@ -110,7 +123,8 @@ class Children:
             name: Node name.
             command: Program and arguments.
         """
-        child = Child(name, command, self._logs / f"{name}.log", (self._lock,))
+        early = self._prepared.pop(name, None)
+        child = Child(name, command, self._logs / f"{name}.log", (self._lock,), early)
         self._children[name] = child
         self.pids.add(child.pid)
         return child
@@ -188,6 +202,25 @@ class Children:
                 + (f"its last output: '{words}'. " if words else "it printed nothing. ")
                 + f"See {child.log_path}."
             )
+
+
+def parameters_file(run_dir: Path, kind: str) -> Path:
+    """Return the YAML file with the parameters of a run's nodes of one kind."""
+    return run_dir / "parameters" / f"{kind}.yaml"
+
+
+def node_command(run_dir: Path, kind: str, name: str, ros_arguments: Sequence[str]) -> list[str]:
+    """Return the command that starts a node of a run.
+
+    Args:
+        run_dir: Folder of the run; need not exist before the node begins.
+        kind: Module in `pga_me_ros.nodes`.
+        name: Node name.
+        ros_arguments: Further ROS arguments.
+    """
+    parameters = str(parameters_file(run_dir, kind))
+    arguments = ["--ros-args", "-r", f"__node:={name}", "--params-file", parameters]
+    return python_module(f"pga_me_ros.nodes.{kind}", *arguments, *ros_arguments)
 
 
 def _how(code: int) -> str:

@@ -17,6 +17,7 @@ from pga_me_ros.core.storage.event_file import require_event_writer, write_event
 from pga_me_ros.errors import PgaError
 from pga_me_ros.orchestration.calls import StoppedError
 from pga_me_ros.orchestration.control import Control
+from pga_me_ros.orchestration.early_start import EarlyStart
 from pga_me_ros.orchestration.free_name import require_free_name
 from pga_me_ros.orchestration.progress import ProgressReporter
 from pga_me_ros.orchestration.run import Run
@@ -40,19 +41,41 @@ def lead(control: Control, signals: Signals) -> int:
     """
     settings, options = control.settings, control.options
     spec = task_spec(settings.task)
-    if options.tensorboard:
+    if control.options.tensorboard:
         require_event_writer()
     randomization_option(settings.task, settings.randomization)  # refuses what makes no sense
     progress = ProgressReporter(control)
     progress.msg.task = settings.task
     progress.publish()
     path = Path(options.run_dir) if options.run_dir else default_run_dir(settings)
-    require_free_name(control, progress.msg, new=not path.exists())
-    directory = open_run(path, spec, settings)
-    with explained(path):
-        control.terminal.record(path / "logs" / "orchestrator.log")
-    control.take_rates(directory.settings)
-    run = Run(control, spec, directory, options, progress)
+    with EarlyStart(control, path, spec) as early:
+        if early.words:
+            progress.say(early.words)
+        require_free_name(control, progress.msg, new=not path.exists())
+        early.finish()
+        directory = open_run(path, spec, settings)
+        with explained(path):
+            control.terminal.record(path / "logs" / "orchestrator.log")
+        control.take_rates(directory.settings)
+        run = Run(control, spec, directory, options, progress, early.processes)
+        return carry_out(run, directory, control, progress, signals)
+
+
+def carry_out(
+    run: Run,
+    directory: RunDirectory,
+    control: Control,
+    progress: ProgressReporter,
+    signals: Signals,
+) -> int:
+    """Carry out a run, serve what it found, and say how it ended.
+
+    Returns:
+        Exit code.
+
+    Raises:
+        PgaError: The run cannot continue.
+    """
 
     def beat() -> None:
         progress.publish()
@@ -61,14 +84,14 @@ def lead(control: Control, signals: Signals) -> int:
     # A steady clock: anybody may set use_sim_time, and a simulated clock may stand still.
     timer = control.create_timer(HEARTBEAT, beat, clock=Clock(clock_type=ClockType.STEADY_TIME))
     progress.say(started(directory))
-    if options.tensorboard and directory.next_generation >= directory.settings.generations:
+    if control.options.tensorboard and directory.next_generation >= directory.settings.generations:
         write_events(directory.repertoire, control.get_logger().warning)
     for line in batch_lines(directory.settings, len(directory.imported)):
         progress.say(line)
     try:
         run.grow()
         progress.say(finished(directory, run))
-        if options.serve:
+        if control.options.serve:
             progress.say("serving it as repertoire/get_behavior; Ctrl-C to end")
             run.serve()
     except StoppedError:

@@ -64,6 +64,11 @@ class ProgressReporter:
         self.msg.budget = settings.generations * settings.batch_size
         self.publish()
 
+    def starting(self, up: int, total: int) -> None:
+        """Show how many of the run's nodes are up, where a line can be overwritten."""
+        if self._control.terminal.in_place:
+            self._control.terminal.show([self.msg.task, f"{up} of {total} nodes are up"])
+
     def enter(self, state: str) -> None:
         """Report that the run has entered a state."""
         if state in AT_WORK and self.msg.state != state:

@@ -64,7 +64,14 @@ class Roster:
     @property
     def all_up(self) -> bool:
         """Whether the present process of every child has been heard."""
-        return all(self._is_up(name) for name in self._children.names())
+        up, there = self.up
+        return up == there
+
+    @property
+    def up(self) -> tuple[int, int]:
+        """How many children have been heard, and how many there are."""
+        there = self._children.names()
+        return sum(self._is_up(name) for name in there), len(there)
 
     @property
     def refused(self) -> int:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 
 from pga_me_msgs.msg import Metrics, NodeStatus
@@ -20,6 +19,7 @@ from pga_me_ros.orchestration.progress import ProgressReporter
 from pga_me_ros.orchestration.team import Team
 from pga_me_ros.orchestration.trainer_client import TrainerClient
 from pga_me_ros.orchestration.watch import Watch
+from pga_me_ros.process.prepared_child import PreparedChild
 from pga_me_ros.ros import names, qos
 from pga_me_ros.ros.dds_choices import LOCAL_NOTE, is_local
 from pga_me_ros.ros.options import RunOptions
@@ -36,6 +36,7 @@ class Run:
         directory: Folder of the run.
         options: How the run is carried out.
         progress: Where progress is reported.
+        prepared: Processes that were started early (`EarlyStart`), by node name.
 
     Attributes:
         watch: Publishes the health of the run and its nodes.
@@ -48,6 +49,7 @@ class Run:
         directory: RunDirectory,
         options: RunOptions,
         progress: ProgressReporter,
+        prepared: dict[str, PreparedChild],
     ) -> None:
         self._control = control
         self._directory = directory
@@ -67,7 +69,7 @@ class Run:
             randomization=settings.randomization,
         )
         self._pool = EvaluatorPool(control, job, self._waiter.wake)
-        self._team = Team(control, directory, self._pool)
+        self._team = Team(control, directory, self._pool, prepared)
         children, roster = self._team.children, self._team.roster
         self.watch = Watch(control, children, roster, self._pool, directory.run_id)
         clients = LoopClients(control)
@@ -114,7 +116,7 @@ class Run:
         if todo:
             self._team.start_learners()
         if todo or self._final.is_missing():
-            self._team.start_evaluators(self._options.evaluators or os.cpu_count() or 1)
+            self._team.start_evaluators()
         self._waiter.until(self._team.ready)
         if todo.start:
             self._progress.generation(self._metrics(), finished=False)
@@ -165,6 +167,8 @@ class Run:
         self._team.heard(msg)
         self._pool.heard(msg)
         self._progress.msg.evaluators = len(self._pool)
+        if self._progress.msg.state == "starting":
+            self._progress.starting(*self._team.roster.up)
         self._waiter.wake()
 
     def _wait_for_evaluators(self, others: Callable[[], bool] = lambda: True) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
 import time
 from typing import Any
@@ -14,12 +15,14 @@ from pga_me_ros.core.runs.run_directory import RunDirectory
 from pga_me_ros.core.storage.database import explained
 from pga_me_ros.core.storage.files import replace_file
 from pga_me_ros.errors import PgaError
-from pga_me_ros.orchestration.children import Children
+from pga_me_ros.orchestration.children import Children, parameters_file
 from pga_me_ros.orchestration.control import Control
 from pga_me_ros.orchestration.evaluator_pool import EvaluatorPool
 from pga_me_ros.orchestration.roster import HANGING, Roster
+from pga_me_ros.process.prepared_child import PreparedChild
 from pga_me_ros.ros.command_line import remappings
 from pga_me_ros.ros.namesakes import listening_time
+from pga_me_ros.ros.options import RunOptions
 from pga_me_ros.ros.refusals import printable
 
 SINGLETONS = ("archive_manager", "critic_trainer", "variation")
@@ -33,22 +36,26 @@ class Team:
         node: The orchestrator's node.
         directory: Folder of the run.
         pool: Evaluators; it is told when a child among them dies.
+        prepared: Processes that were started early (`EarlyStart`), by node name.
 
     Attributes:
         children: Their processes.
         roster: Which of them have been heard from.
     """
 
-    def __init__(self, node: Control, directory: RunDirectory, pool: EvaluatorPool) -> None:
+    def __init__(
+        self,
+        node: Control,
+        directory: RunDirectory,
+        pool: EvaluatorPool,
+        prepared: dict[str, PreparedChild],
+    ) -> None:
         self._node = node
         self._directory = directory
         self._pool = pool
-        namespace = node.get_namespace()
-        arguments = ["-r", f"__ns:={namespace}", *remappings(sys.argv[1:])]
-        self.children = Children(directory.path, arguments, directory.lock.fileno())
-        self.roster = Roster(self.children, namespace)
-        self._parameters = directory.path / "parameters"
-        self._parameters.mkdir(exist_ok=True)
+        lock = directory.lock.fileno()
+        self.children = Children(directory.path, ros_arguments(node), lock, prepared)
+        self.roster = Roster(self.children, node.get_namespace())
         self._silent: set[str] = set()
         self._foreign: NodeStatus | None = None
 
@@ -79,10 +86,10 @@ class Team:
         self._start("critic_trainer", "critic_trainer", values)
         self._start("variation", "variation", values)
 
-    def start_evaluators(self, count: int) -> None:
+    def start_evaluators(self) -> None:
         """Start evaluators on this machine."""
-        for i in range(count):
-            self._start("evaluator", f"evaluator_{i}", {"task": self._directory.settings.task})
+        for name in evaluator_names(self._node.options):
+            self._start("evaluator", name, {"task": self._directory.settings.task})
 
     def stop_learners(self) -> None:
         """Stop what only a growing run needs: all but the archive manager and the evaluators."""
@@ -138,12 +145,23 @@ class Team:
         self._silent = silent
 
     def _start(self, kind: str, name: str, values: dict[str, Any]) -> None:
-        path = self._parameters / f"{kind}.yaml"
+        path = parameters_file(self._directory.path, kind)
         # JSON is also YAML, and every number is read back exactly.
         content = json.dumps({"/**": {"ros__parameters": values}}, indent=2)
         with explained(self._directory.path):
+            path.parent.mkdir(exist_ok=True)
             replace_file(path, f"{content}\n".encode())
-            self.children.start(kind, name, path)
+            self.children.start(kind, name)
+
+
+def evaluator_names(options: RunOptions) -> list[str]:
+    """Return the names of the evaluators that a run starts on this machine."""
+    return [f"evaluator_{i}" for i in range(options.evaluators or os.cpu_count() or 1)]
+
+
+def ros_arguments(node: Control) -> list[str]:
+    """Return the ROS arguments that each node of a run gets: the orchestrator's namespace and remappings."""
+    return ["-r", f"__ns:={node.get_namespace()}", *remappings(sys.argv[1:])]
 
 
 def name_is_taken(by: NodeStatus) -> PgaError:

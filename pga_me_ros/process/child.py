@@ -10,6 +10,7 @@ import time
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
+from typing import IO
 
 from pga_me_ros.process.parent_watch import PARENT_WATCH
 
@@ -51,15 +52,7 @@ class ChildProcess:
         self.log_path = log_path
         with log_path.open("ab") as log:
             self._log_start = log.tell()
-            self._process = subprocess.Popen(
-                command,
-                stdin=subprocess.PIPE,  # closes when this process dies, which tells the child to end
-                stdout=log,
-                stderr=subprocess.STDOUT,
-                start_new_session=True,
-                env={**os.environ, PARENT_WATCH: "1", **(environment or {})},
-                pass_fds=inherited,
-            )
+            self._process = popen(command, subprocess.PIPE, log, inherited, environment)
 
     @property
     def pid(self) -> int:
@@ -110,11 +103,44 @@ class ChildProcess:
         try:
             with self.log_path.open("rb") as log:
                 log.seek(max(self._log_start, log.seek(0, os.SEEK_END) - TAIL_BYTES))
-                lines = log.read().decode(errors="replace").split("\n")
+                return last_line(log.read())
         except OSError:
             return ""
-        last = next((line.strip() for line in reversed(lines) if line.strip()), "")
-        return last.removeprefix("error: ")
+
+
+def last_line(output: bytes) -> str:
+    """Return the last line of some output that is not empty, without the prefix of an error."""
+    lines = output.decode(errors="replace").split("\n")
+    last = next((line.strip() for line in reversed(lines) if line.strip()), "")
+    return last.removeprefix("error: ")
+
+
+def popen(
+    command: Sequence[str],
+    stdin: int,
+    output: IO[bytes],
+    inherited: Sequence[int] = (),
+    environment: Mapping[str, str] | None = None,
+) -> subprocess.Popen[bytes]:
+    """Start a process in its own session that watches its parent.
+
+    Args:
+        command: Program and arguments.
+        stdin: File descriptor of its standard input, or `subprocess.PIPE`; must close when this process dies, which
+            tells the child to end.
+        output: File for its output and errors.
+        inherited: File descriptors that it keeps open.
+        environment: Environment variables in addition to those of this process.
+    """
+    return subprocess.Popen(
+        command,
+        stdin=stdin,
+        stdout=output,
+        stderr=subprocess.STDOUT,
+        start_new_session=True,
+        env={**os.environ, PARENT_WATCH: "1", **(environment or {})},
+        pass_fds=inherited,
+    )
 
 
 def stop(processes: Sequence[ChildProcess], *, at_once: bool = False) -> None:

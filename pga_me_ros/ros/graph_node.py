@@ -8,6 +8,7 @@ import socket
 import threading
 import traceback
 from collections.abc import Callable, Mapping
+from itertools import count
 from typing import Any
 
 from pga_me_msgs.msg import NodeStatus
@@ -24,6 +25,11 @@ from pga_me_ros.ros.spinning import EndingNode
 
 HEARTBEAT = 1.0
 """Seconds between two heartbeats."""
+
+FIRST_HEARTBEATS = 20
+FIRST_PAUSE = 0.1
+"""Number of heartbeats that follow each other faster, and seconds between them: a run waits for one, and the first may
+come before its node has been discovered."""
 
 LONGEST_ANSWER = 2000
 """Maximum characters of a refusal that are sent back: enough for every cause, whatever the request held."""
@@ -157,12 +163,16 @@ class GraphNode(EndingNode):
         response.message = printable(reason, LONGEST_ANSWER)
 
     def _live(self) -> None:
-        while not self._ended.is_set():
+        quick = round(HEARTBEAT / FIRST_PAUSE)
+        for beat in count():
+            pause = FIRST_PAUSE if beat < FIRST_HEARTBEATS else HEARTBEAT
             try:
                 self._status.publish(self._beat)
-                self.diagnostics.publish(self._beat.done, self._beat.refused, self.health())
+                if pause == HEARTBEAT or beat % quick == 0:  # once a second in either case
+                    self.diagnostics.publish(self._beat.done, self._beat.refused, self.health())
             except RCLError:
                 if self.context.ok():
                     raise
                 return  # a signal shut the context down between two heartbeats
-            self._ended.wait(HEARTBEAT)
+            if self._ended.wait(pause):
+                return

@@ -14,6 +14,7 @@ from rclpy.signals import SignalHandlerOptions
 from pga_me_ros.dependencies import EXIT_BAD_INPUT, missing_dependency
 from pga_me_ros.errors import PgaError
 from pga_me_ros.process.early_signals import hand_over
+from pga_me_ros.process.parent_watch import wait_for_word
 from pga_me_ros.process.signals import Signals
 from pga_me_ros.process.streams import tell
 from pga_me_ros.ros.command_line import Program, start
@@ -44,6 +45,7 @@ def run_node(
     node: EndingNode | None = None
     started = running = False
     try:
+        wait_for_word()
         options = {"signal_handler_options": SignalHandlerOptions.NO} if last_words else {}
         if not start(program, args, **options):
             return 0

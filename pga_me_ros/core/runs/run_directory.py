@@ -79,6 +79,15 @@ def default_run_dir(settings: Settings) -> Path:
     return own if own.exists() or not _is_of(plain, settings.algorithm) else plain
 
 
+def stored_generations(folder: Path) -> int:
+    """Return how many generations the run in a folder has stored; 0 if it has none that can be read."""
+    if not (folder / REPERTOIRE).is_file():
+        return 0
+    with suppress(StorageError), Repertoire.open(folder / REPERTOIRE, read_only=True) as file:
+        return len(file.generations())
+    return 0
+
+
 def _is_of(folder: Path, algorithm: str) -> bool:
     """Whether a folder holds a run of an algorithm."""
     if not (folder / REPERTOIRE).is_file():
