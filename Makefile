@@ -38,7 +38,7 @@ test: setup ## Run all checks and tests
 	@$(IN_VENV) ROS_PYTHON_CHECK_FIELDS=1 exec python -m pytest -n $(WORKERS) --dist loadscope --no-loadscope-reorder $(ARGS)
 
 test-pythons: setup ## Run the tests on each of Python 3.11, 3.12 and 3.13 that is found, in copies of the last commit
-	@. .venv/setup.bash && WORKERS=$(WORKERS) exec scripts/test_pythons.sh $(ARGS)
+	@WORKERS=$(WORKERS) exec scripts/test_pythons.sh $(ARGS)
 
 lint: setup ## Run only the style and type checks
 	@$(IN_VENV) exec python -m pytest -q test/packaging/test_lint.py

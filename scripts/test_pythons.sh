@@ -1,6 +1,7 @@
 #!/bin/bash
 # Runs the tests on every supported Python that is found, on PATH or under pyenv: scripts/test_pythons.sh [pytest options].
-# Each has its own checkout of the last commit and its own environment in build/pythons, which later calls update.
+# Each has its own checkout of the last commit and its own environment in build/pythons, which later calls update. Run it in a
+# shell in which no environment is sourced, as `make test-pythons` does: what one sets would be found by the others.
 set -u
 cd "$(dirname "$0")/.."
 
@@ -28,8 +29,8 @@ for version in 3.11 3.12 3.13; do
         git clone -q . "$copy"
     fi || exit 1
     echo "== Python $version: $python"
-    make -C "$copy" test PYTHON="$python" WORKERS="${WORKERS:-2}" ARGS="$*" || failed=1
+    make -C "$copy" test PYTHON="$python" WORKERS="${WORKERS:-2}" ARGS="${*@Q}" || failed=1
 done
 echo "== the same seed on all of them"
-.venv/bin/python -m pytest -q test/packaging/test_pythons.py || failed=1
+(. .venv/setup.bash && python -m pytest -q test/packaging/test_pythons.py) || failed=1
 exit $failed

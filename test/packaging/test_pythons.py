@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -57,3 +59,63 @@ def test_the_same_seed_gives_the_same_bits_on_every_python() -> None:
     _, expected = digest_on(Path(sys.executable))
     found = dict(digest_on(python) for python in others)
     assert found == dict.fromkeys(found, expected)
+
+
+MAKEFILE = """\
+test:
+\t@echo "with $(PYTHON), $(WORKERS) workers"; printf '<%s>' $(ARGS); test "$(PYTHON)" != "$(BROKEN)"
+"""
+
+
+@pytest.fixture
+def checkout(tmp_path: Path) -> Path:
+    """Return a repository whose `make test` shows what it is given, and in which two Pythons are found."""
+    folder = tmp_path / "checkout"
+    shutil.copytree(ROOT / "scripts", folder / "scripts", ignore=shutil.ignore_patterns("__py*"))
+    (folder / "Makefile").write_text(MAKEFILE)
+    for command in (["init", "-q"], ["add", "-A"], [*AUTHOR, "commit", "-qm", "all"]):
+        subprocess.run(["git", *command], cwd=folder, check=True)
+    (folder / ".venv").mkdir()
+    (folder / ".venv/setup.bash").write_text("python() { echo; echo compared; }\n")
+    (tmp_path / "bin").mkdir()
+    for version in ("3.11", "3.12", "3.13"):
+        answer = version if version != "3.13" else "3.14"  # not what its name says
+        (tmp_path / f"bin/python{version}").write_text(f"#!/bin/sh\necho {answer}\n")
+        (tmp_path / f"bin/python{version}").chmod(0o755)
+    return folder
+
+
+AUTHOR = ["-c", "user.name=tester", "-c", "user.email=tester@example.com"]
+
+
+def on_all(checkout: Path, **environment: str) -> subprocess.CompletedProcess[str]:
+    places = {
+        "PATH": f"{checkout.parent / 'bin'}:{os.environ['PATH']}",
+        "PYENV_ROOT": str(checkout),
+    }
+    return subprocess.run(
+        ["scripts/test_pythons.sh", "-m", "not slow"],
+        cwd=checkout,
+        env={**os.environ, **places, "WORKERS": "3", **environment},
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+
+
+def test_each_python_that_is_found_gets_the_options_as_given(checkout: Path) -> None:
+    bin_folder = checkout.parent / "bin"
+    for _ in range(2):  # the second time, the checkouts exist
+        done = on_all(checkout)
+        assert done.returncode == 0, done.stderr
+        for version in ("3.11", "3.12"):
+            assert f"with {bin_folder}/python{version}, 3 workers\n<-m><not slow>" in done.stdout
+        assert "== Python 3.13: not found" in done.stdout
+        assert done.stdout.endswith("compared\n")
+
+
+def test_a_failure_on_one_python_fails_the_whole(checkout: Path) -> None:
+    done = on_all(checkout, BROKEN=str(checkout.parent / "bin/python3.11"))
+    assert done.returncode == 1
+    assert "python3.12, 3 workers" in done.stdout
