@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,7 +12,7 @@ from pga_me_ros.core.algorithms import algorithm_of
 from pga_me_ros.core.evaluation import as_evaluated, evaluation_rng
 from pga_me_ros.core.networks.conditioned import ConditionedActor
 from pga_me_ros.core.runs.critic_checkpoints import CriticCheckpoints
-from pga_me_ros.core.runs.stored_actor import stored_actor
+from pga_me_ros.core.runs.stored_actor import StoredActor
 from pga_me_ros.core.storage import stored_run
 from pga_me_ros.core.storage.metrics_file import METRICS_FILE, MetricsFile
 from pga_me_ros.core.storage.run_info import RunInfo
@@ -66,10 +67,17 @@ class StoredRun(stored_run.StoredRun):
         It needs NumPy alone. `ConditionedActor.at` makes a plain controller of it.
 
         Raises:
-            RequestError: The algorithm of the run learns no such actor.
-            StorageError: The folder lacks the checkpoints of the critics, or one is damaged.
+            RequestError: The algorithm of the run learns no such actor, no training has ended yet, or the repertoire
+                was copied without it.
+            StorageError: It is damaged.
+
+        Warns:
+            UserWarning: The newest checkpoint is damaged, so this is an older actor.
         """
-        return stored_actor(self)
+        stored = StoredActor.of(self)
+        if stored.note:
+            warnings.warn(stored.note, stacklevel=2)
+        return stored.actor
 
     def rollout(
         self, behavior: StoredBehavior, seed: int | None = None, task: Task | None = None

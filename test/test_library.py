@@ -173,5 +173,5 @@ def test_a_run_without_an_actor_says_so(saved: StoredRun, dcrl_run: Path, tmp_pa
         saved.actor()
     copy = tmp_path / "repertoire.db"
     copy.write_bytes((dcrl_run / "repertoire.db").read_bytes())
-    with pytest.raises(StorageError, match=r"There is no critic-\*\.ckpt next to"):
+    with pytest.raises(RequestError, match=r"there is no critic-\*\.ckpt and no actor\.npz"):
         StoredRun.load(copy).actor()

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from pga_me_ros.client.actor import Actor
 from pga_me_ros.client.adapter import AdaptationResult, Adapter
-from pga_me_ros.client.answers import BehaviorNotFoundError
+from pga_me_ros.client.answers import ActorNotFoundError, BehaviorNotFoundError
 from pga_me_ros.client.behaviors import Behavior, FoundBehavior, ListedBehavior, RepertoireInfo
 from pga_me_ros.client.controller import Controller
 from pga_me_ros.client.patient_caller import BlockedExecutorError, RepertoireTimeoutError
 from pga_me_ros.client.repertoire_client import RepertoireClient
 
 __all__ = [
+    "Actor",
+    "ActorNotFoundError",
     "AdaptationResult",
     "Adapter",
     "Behavior",

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
-from pga_me_msgs.srv import GetBehavior, GetBehaviors, ListBehaviors
+from pga_me_msgs.srv import GetActor, GetBehavior, GetBehaviors, ListBehaviors
 
+from pga_me_ros.client.actor import Actor
 from pga_me_ros.client.behaviors import Behavior, FoundBehavior, ListedBehavior
 from pga_me_ros.errors import PgaError, RequestError
 
 
 class BehaviorNotFoundError(PgaError):
     """No behavior fits, or the request does not fit the repertoire; the message says why."""
+
+
+class ActorNotFoundError(PgaError):
+    """The repertoire has no actor; the message says why."""
 
 
 def read_behavior(response: GetBehavior.Response, *, with_controller: bool) -> FoundBehavior:
@@ -51,3 +56,15 @@ def read_list(response: ListBehaviors.Response) -> tuple[int, tuple[ListedBehavi
     if not response.ok:
         raise RequestError(response.message)
     return response.total, tuple(ListedBehavior.from_msg(msg) for msg in response.behaviors)
+
+
+def read_actor(response: GetActor.Response) -> Actor:
+    """Return the actor in a response.
+
+    Raises:
+        ActorNotFoundError: The response has none.
+        NetworkError: It is malformed.
+    """
+    if not response.found:
+        raise ActorNotFoundError(response.message)
+    return Actor.from_response(response)

@@ -9,17 +9,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from functools import partial
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from pga_me_msgs.srv import GetBehavior, GetBehaviors, GetInfo, ListBehaviors
-from rclpy.client import Client
 from rclpy.node import Node
 from rclpy.task import Future
 
-from pga_me_ros.client.answers import read_behavior, read_behaviors, read_list
+from pga_me_ros.client.actor import Actor
 from pga_me_ros.client.behaviors import (
     Behavior,
     FoundBehavior,
@@ -27,18 +24,9 @@ from pga_me_ros.client.behaviors import (
     RepertoireInfo,
 )
 from pga_me_ros.client.own_server import OwnServer
-from pga_me_ros.client.patient_caller import (
-    PatientCaller,
-    PendingCall,
-)
-from pga_me_ros.client.requests import (
-    behavior_request,
-    behaviors_request,
-    check_timeout,
-    list_request,
-)
+from pga_me_ros.client.repertoire_calls import RepertoireCalls
+from pga_me_ros.client.requests import check_timeout
 from pga_me_ros.errors import RequestError
-from pga_me_ros.ros import names, qos
 
 TIMEOUT = 10.0
 """Seconds; discovery between processes takes up to 4."""
@@ -82,12 +70,7 @@ class RepertoireClient:
         self._server = OwnServer(node, repertoire) if repertoire else None
         prefix = self._server.prefix if self._server else prefix
         self._node = node
-        self._timeout = timeout
-        self._caller = PatientCaller(node)
-        self._behavior = self._client(GetBehavior, prefix, names.GET_BEHAVIOR)
-        self._behaviors = self._client(GetBehaviors, prefix, names.GET_BEHAVIORS)
-        self._list = self._client(ListBehaviors, prefix, names.LIST_BEHAVIORS)
-        self._info = self._client(GetInfo, prefix, names.GET_INFO)
+        self._calls = RepertoireCalls(node, prefix, timeout, self._server)
 
     def get_behavior(self, **wanted: Any) -> Behavior:
         """Return a behavior with its controller.
@@ -103,7 +86,7 @@ class RepertoireClient:
             RequestError: The arguments are invalid.
             NetworkError: The response's controller is malformed.
         """
-        return self._caller.result(self._ask_behavior(**wanted))
+        return self._calls.result(self._calls.behavior(**wanted))
 
     def get_behavior_async(
         self,
@@ -144,7 +127,7 @@ class RepertoireClient:
         Raises:
             RequestError: The arguments are invalid.
         """
-        call = self._ask_behavior(
+        call = self._calls.behavior(
             descriptor=descriptor,
             cell=cell,
             best=best,
@@ -167,8 +150,8 @@ class RepertoireClient:
         Raises:
             PgaError: As in `get_behavior`.
         """
-        found: FoundBehavior = self._caller.result(
-            self._ask_behavior(**wanted, with_controller=False)
+        found: FoundBehavior = self._calls.result(
+            self._calls.behavior(**wanted, with_controller=False)
         )
         return found
 
@@ -185,8 +168,8 @@ class RepertoireClient:
         Raises:
             PgaError: As in `get_behaviors`.
         """
-        found: tuple[FoundBehavior, ...] = self._caller.result(
-            self._ask_behaviors(descriptor, count, **limits, with_controllers=False)
+        found: tuple[FoundBehavior, ...] = self._calls.result(
+            self._calls.behaviors(descriptor, count, **limits, with_controllers=False)
         )
         return found
 
@@ -209,11 +192,11 @@ class RepertoireClient:
         Returns:
             At most `count` behaviors that match, possibly none.
         """
-        return self._caller.result(self._ask_behaviors(descriptor, count, **limits))
+        return self._calls.result(self._calls.behaviors(descriptor, count, **limits))
 
     def get_behaviors_async(self, descriptor: Sequence[float], count: int, **limits: Any) -> Future:
         """Ask for the nearest behaviors; returns a future of the result of `get_behaviors`."""
-        return self._ask_behaviors(descriptor, count, **limits).future
+        return self._calls.behaviors(descriptor, count, **limits).future
 
     def list_behaviors(
         self, *, page: int = PAGE, timeout: float | None = None, **limits: Any
@@ -236,8 +219,8 @@ class RepertoireClient:
         seen: set[int] = set()
         offset = 0
         while True:
-            call = self._ask_list(offset, page, timeout, limits)
-            total, behaviors = self._caller.result(call)
+            call = self._calls.page(offset, page, timeout, limits)
+            total, behaviors = self._calls.result(call)
             for behavior in behaviors:
                 if behavior.cell not in seen:
                     seen.add(behavior.cell)
@@ -260,7 +243,7 @@ class RepertoireClient:
         Returns:
             Future of the number of behaviors that match, and the page as a tuple of `ListedBehavior`.
         """
-        return self._ask_list(offset, limit, timeout, limits).future
+        return self._calls.page(offset, limit, timeout, limits).future
 
     def get_info(self, *, timeout: float | None = None) -> RepertoireInfo:
         """Return the description of the repertoire and its progress.
@@ -269,60 +252,31 @@ class RepertoireClient:
             RepertoireTimeoutError: As in `get_behavior`.
             BlockedExecutorError: As in `get_behavior`.
         """
-        return self._caller.result(self._ask_info(timeout))
+        return self._calls.result(self._calls.info(timeout))
 
     def get_info_async(self, *, timeout: float | None = None) -> Future:
         """Ask for the description of the repertoire; returns a future of a `RepertoireInfo`."""
-        return self._ask_info(timeout).future
+        return self._calls.info(timeout).future
+
+    def get_actor(self, *, timeout: float | None = None) -> Actor:
+        """Return the actor of a repertoire of DCRL-MAP-Elites: one network that is told at every step what is wanted.
+
+        While a run goes on, it is the one whose training ended last.
+
+        Raises:
+            ActorNotFoundError: There is none: the algorithm learns no actor, or no training has ended yet.
+            RepertoireTimeoutError: As in `get_behavior`.
+            BlockedExecutorError: As in `get_behavior`.
+            NetworkError: The response is malformed.
+        """
+        return self._calls.result(self._calls.actor(timeout))
+
+    def get_actor_async(self, *, timeout: float | None = None) -> Future:
+        """Ask for the actor; returns a future of the result of `get_actor`."""
+        return self._calls.actor(timeout).future
 
     def close(self) -> None:
         """Destroy the service clients and end the private archive manager; call it only while the node is not spun."""
-        self._caller.close()
+        self._calls.close()
         if self._server:
             self._server.close()
-        for client in (self._behavior, self._behaviors, self._list, self._info):
-            self._node.destroy_client(client)
-
-    def _client(self, srv_type: Any, prefix: str, name: str) -> Client:
-        full = f"{prefix.rstrip('/')}/{name}" if prefix else name
-        return self._node.create_client(
-            srv_type, full, qos_profile=qos.CLIENT, callback_group=self._caller.group
-        )
-
-    def _ask_behavior(
-        self, *, timeout: float | None = None, with_controller: bool = True, **wanted: Any
-    ) -> PendingCall:
-        request = behavior_request(**wanted, with_controller=with_controller)
-        read = partial(read_behavior, with_controller=with_controller)
-        return self._start(self._behavior, request, read, timeout)
-
-    def _ask_behaviors(
-        self,
-        descriptor: Sequence[float],
-        count: int,
-        *,
-        timeout: float | None = None,
-        with_controllers: bool = True,
-        **limits: Any,
-    ) -> PendingCall:
-        request = behaviors_request(descriptor, count, **limits, with_controllers=with_controllers)
-        read = partial(read_behaviors, with_controllers=with_controllers)
-        return self._start(self._behaviors, request, read, timeout)
-
-    def _ask_list(
-        self, offset: int, most: int, timeout: float | None, limits: Mapping[str, Any]
-    ) -> PendingCall:
-        request = list_request(offset, most, **limits)
-        return self._start(self._list, request, read_list, timeout)
-
-    def _ask_info(self, timeout: float | None) -> PendingCall:
-        return self._start(self._info, GetInfo.Request(), RepertoireInfo.from_response, timeout)
-
-    def _start(
-        self, client: Client, request: Any, read: Callable[[Any], Any], timeout: float | None
-    ) -> PendingCall:
-        if self._server:
-            self._server.require_alive()
-        seconds = self._timeout if timeout is None else timeout
-        check_timeout(seconds)
-        return self._caller.start(client, request, read, seconds)

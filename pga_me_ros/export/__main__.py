@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from pga_me_ros.core.archive.elites import Elite
-from pga_me_ros.core.runs.stored_actor import stored_actor
+from pga_me_ros.core.runs.stored_actor import StoredActor
 from pga_me_ros.core.storage.files import save_bytes
 from pga_me_ros.core.storage.stored_run import StoredRun
 from pga_me_ros.errors import RequestError, StorageError
@@ -112,7 +112,10 @@ def _export_actor(options: argparse.Namespace) -> Path:
     require_onnx()
     run = StoredRun.load(options.run, elites=False)
     out = options.out or Path(f"{run.name}-actor{MODELS[options.to]}")
-    content = onnx_actor_bytes(run, stored_actor(run))
+    stored = StoredActor.of(run)
+    if stored.note:
+        print(f"note: {stored.note}", file=sys.stderr)
+    content = onnx_actor_bytes(run, stored.actor)
     _require_file(out)
     save_bytes(out, content)
     return out
@@ -180,7 +183,7 @@ def _parser() -> argparse.ArgumentParser:
     which.add_argument(
         "--actor",
         action="store_true",
-        help="the actor, with the descriptor as a second input (onnx; runs of dcrl_map_elites)",
+        help="the actor, with the descriptor as a second input (onnx; repertoires of dcrl_map_elites)",
     )
     parser.add_argument(
         "--single",

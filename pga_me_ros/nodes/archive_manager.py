@@ -315,7 +315,7 @@ class ArchiveManager(GraphNode):
 
 PROGRAM = Program(
     "archive_manager",
-    "Serves a repertoire file: /repertoire/get_behavior, get_behaviors, list_behaviors and get_info.",
+    "Serves a repertoire file: /repertoire/get_behavior, get_behaviors, list_behaviors, get_info and get_actor.",
     (ArchiveManagerSettings,),
 )
 

@@ -1,4 +1,7 @@
-"""The services of a repertoire for other robot nodes: get_behavior, get_behaviors, list_behaviors, get_info."""
+"""The services of a repertoire for other robot nodes: get_behavior, get_behaviors, list_behaviors, get_info.
+
+`ActorService` adds get_actor.
+"""
 
 from __future__ import annotations
 
@@ -20,6 +23,7 @@ from pga_me_ros.errors import RequestError, StorageError
 from pga_me_ros.ros import names, qos
 from pga_me_ros.ros.convert import behavior_to_msg, controller_to_msg, flat
 from pga_me_ros.ros.graph_node import GraphNode
+from pga_me_ros.serving.actor_service import ActorService
 from pga_me_ros.serving.asked_for import demands_of, farthest, require_one_way
 from pga_me_ros.serving.known_statistics import KnownStatistics
 from pga_me_ros.tasks.spec import TaskSpec
@@ -56,6 +60,7 @@ class RepertoireServices:
         self._known = KnownStatistics(path, info.run_id, archive.dimensions)
         self._spec = TaskSpec.from_json(info.task)
         self._shape = MlpShape(tuple(info.layer_sizes))
+        self._actor = ActorService(node, info, self._spec, path)
         self.metrics = MetricsMsg()
         # Random choices for robots are not part of the run, so they need not be repeatable.
         self._any = np.random.default_rng()

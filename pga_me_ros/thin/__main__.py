@@ -12,15 +12,18 @@ from pathlib import Path
 
 import numpy as np
 
+from pga_me_ros.core.algorithms import algorithm_of
 from pga_me_ros.core.archive.archive import Archive
 from pga_me_ros.core.archive.corrected import CorrectedMetrics, complete_metrics
 from pga_me_ros.core.archive.metrics import Metrics
+from pga_me_ros.core.runs.stored_actor import StoredActor
+from pga_me_ros.core.storage.actor_file import save_actor
 from pga_me_ros.core.storage.files import make_folder, save_bytes
-from pga_me_ros.core.storage.reevaluations import FILE, Reevaluations
+from pga_me_ros.core.storage.reevaluations import Reevaluations
 from pga_me_ros.core.storage.run_info import SCHEMA_VERSION
 from pga_me_ros.core.storage.stored_run import REPERTOIRE, StoredRun
 from pga_me_ros.core.storage.whole_run import store_whole_run
-from pga_me_ros.errors import RequestError, StorageError
+from pga_me_ros.errors import PgaError, RequestError, StorageError
 from pga_me_ros.paths import user_path
 from pga_me_ros.process.program import run_program
 from pga_me_ros.thin.card import card
@@ -72,6 +75,7 @@ def thin(options: argparse.Namespace, command: str) -> Path:
     wanted = _wanted(options)
     run = StoredRun.load(options.run)
     whole = _measured(run)
+    actor = _actor(run)
     out: Path = options.out
     if (out / REPERTOIRE).exists():
         raise StorageError(f"'{out}' holds a repertoire; give --out another folder, or remove it.")
@@ -85,9 +89,11 @@ def thin(options: argparse.Namespace, command: str) -> Path:
     last = _metrics(run.metrics[-1], kept)
     store_whole_run(out / REPERTOIRE, info, kept, [last], run.generations[-1].rates, closed=True)
     rows.with_measure(last.generation, measured).save(out / REPERTOIRE)
-    text = card(out.name, run, kept, known, (whole, measured), command, options.remark)
+    if actor:
+        save_actor(out / REPERTOIRE, info.run_id, run.spec, actor.actor, actor.generation)
+    text = card(out.name, run, kept, known, (whole, measured), command, options.remark, actor)
     save_bytes(out / CARD, f"{text}\n".encode())
-    size = sum((out / name).stat().st_size for name in (REPERTOIRE, FILE, CARD))
+    size = sum(file.stat().st_size for file in out.iterdir())
     print(f"{len(kept)} behaviors of {run.archive.coverage}, {size / 1e6:.1f} MB", file=sys.stderr)
     if size > LARGE:
         print(f"note: more than {LARGE / 1e6:.0f} MB; lower --cells to ship it", file=sys.stderr)
@@ -129,6 +135,20 @@ def _measured(run: StoredRun) -> CorrectedMetrics:
     return run.corrected
 
 
+def _actor(run: StoredRun) -> StoredActor | None:
+    """Return the actor that is taken along, None for none; says so where there should be one."""
+    if not algorithm_of(run.settings).conditioned:
+        return None
+    try:
+        actor = StoredActor.of(run)
+    except PgaError as error:
+        print(f"note: without an actor: {error}", file=sys.stderr)
+        return None
+    if actor.note:
+        print(f"note: {actor.note}", file=sys.stderr)
+    return actor
+
+
 def _rows_of(rows: Reevaluations, kept: Archive) -> Reevaluations:
     """Return the re-evaluations of the elites that are kept."""
     mine = np.isin(rows.evaluation, kept.evaluations[kept.filled_cells()])
@@ -157,7 +177,7 @@ def _parser() -> argparse.ArgumentParser:
         prog="thin",
         description="Thin a repertoire whose elites were re-evaluated: keep those with the greatest mean fitness, "
         "spread over the descriptor space. Writes a folder with the repertoire, the re-evaluations of what is kept, "
-        "and a card that says where it comes from and what it is good for.",
+        "the actor of dcrl_map_elites, and a card that says where it comes from and what it is good for.",
     )
     parser.add_argument(
         "run", type=user_path, metavar="RUN", help="folder of a run, or repertoire file"

@@ -15,6 +15,7 @@ from pga_me_ros.core.algorithms import algorithm_of
 from pga_me_ros.core.archive.archive import Archive
 from pga_me_ros.core.archive.corrected import CorrectedMetrics, corrected_metrics
 from pga_me_ros.core.archive.statistics import Statistics
+from pga_me_ros.core.runs.stored_actor import StoredActor
 from pga_me_ros.core.storage.rows import Generation
 from pga_me_ros.core.storage.stored_run import StoredRun
 
@@ -48,6 +49,7 @@ def card(
     measured: tuple[CorrectedMetrics, CorrectedMetrics],
     command: str,
     remark: str = "",
+    actor: StoredActor | None = None,
 ) -> str:
     """Return a card as Markdown.
 
@@ -59,6 +61,7 @@ def card(
         measured: Measures of the run's archive, and of the thinned one.
         command: Command line that thinned it.
         remark: What else is to be said, such as the machine.
+        actor: The actor that comes with it, None for none.
     """
     return "\n".join(
         [
@@ -71,7 +74,7 @@ def card(
             *_measures(run, kept, measured),
             "## Good for",
             "",
-            *_good_for(run, kept, known),
+            *_good_for(run, kept, known, actor),
             "## Not for",
             "",
             *_not_for(run, kept, known),
@@ -133,7 +136,9 @@ def _measures(
             yield ""
 
 
-def _good_for(run: StoredRun, kept: Archive, known: Statistics) -> Iterator[str]:
+def _good_for(
+    run: StoredRun, kept: Archive, known: Statistics, actor: StoredActor | None
+) -> Iterator[str]:
     cells = kept.filled_cells()
     means = known.mean_descriptor[cells]
     covered = ", ".join(
@@ -148,6 +153,11 @@ def _good_for(run: StoredRun, kept: Archive, known: Statistics) -> Iterator[str]
         f"- {seldom} of the {len(cells)} fall in at most {SELDOM:.0%} of their episodes; `max_fall_share` asks for "
         "those alone."
     )
+    if actor:
+        yield (
+            f"- Asking one network for a behavior at every step: it holds the actor as trained for generation "
+            f"{actor.generation} (`get_actor`, `export --to onnx --actor`). The measures above are not the actor's."
+        )
     yield "- Starting a run from them (`start_from`), and as a controller per file (`export`)."
     yield ""
 

@@ -1,4 +1,4 @@
-"""A program in another language needs the response of get_behavior and nothing else."""
+"""A program in another language needs the response of get_behavior or get_actor and nothing else."""
 
 from __future__ import annotations
 
@@ -10,12 +10,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from pga_me_msgs.srv import GetBehavior
+from pga_me_msgs.srv import GetActor, GetBehavior
 
 from pga_me_ros import StoredRun, make_task
 from pga_me_ros.arrays import Float32Array
 from pga_me_ros.client.controller import Controller
 from pga_me_ros.ros.convert import behavior_to_msg, controller_to_msg
+from pga_me_ros.serving.actor_service import actor_to_msg
 from pga_me_ros.tasks.registry import BUILT_IN
 from pga_me_ros.tasks.rollout import rollout
 
@@ -69,20 +70,46 @@ def actions(command: list[str], measured: Float32Array) -> np.ndarray:
     return np.array([[float(x) for x in line.split()] for line in done.stdout.splitlines()])
 
 
-def test_a_javascript_program_acts_as_the_controller(episode) -> None:
+@pytest.fixture(scope="module")
+def asked(dcrl_run: Path, tmp_path_factory: pytest.TempPathFactory):
+    """Return the file of an actor's response, observations with wanted descriptors, and the actions of the actor."""
+    run = StoredRun.load(dcrl_run)
+    actor = run.actor()
+    response = GetActor.Response(found=True, controller=actor_to_msg(actor, run.spec))
+    file = tmp_path_factory.mktemp("response") / "actor.json"
+    file.write_text(as_json(response), encoding="utf-8")
+    rng = np.random.default_rng(4)
+    seen = rng.uniform(-1, 1, (40, run.spec.observation_dim)).astype(np.float32)
+    wanted = np.linspace(-0.5, 1.5, len(seen))[:, None]  # beyond the bounds, too
+    measured = seen.astype(np.float64)
+    spec = run.spec
+    for low, high, name in zip(spec.joint_low, spec.joint_high, spec.joint_names, strict=True):
+        entry = spec.observation_names.index(f"{name}/position")
+        measured[:, entry] = low + (measured[:, entry] + 1) / 2 * (high - low)
+    expected = [actor(o, d) for o, d in zip(seen, wanted, strict=True)]
+    return file, np.hstack([measured, wanted]), np.array(expected)
+
+
+@pytest.fixture(params=["episode", "asked"], ids=["controller", "actor"])
+def case(request: pytest.FixtureRequest):
+    """Return a response's file, what a robot measures, and the actions that are expected."""
+    return request.getfixturevalue(request.param)
+
+
+def test_a_javascript_program_acts_as_the_controller(case) -> None:
     node = shutil.which("node")
     if not node:
         pytest.skip("node is not installed")
-    file, measured, expected = episode
+    file, measured, expected = case
     answers = actions([node, str(EXAMPLES / "run_controller.js"), str(file)], measured)
     np.testing.assert_allclose(answers, expected, rtol=0, atol=1e-6)
 
 
-def test_a_cpp_program_acts_as_the_controller(episode, tmp_path: Path) -> None:
+def test_a_cpp_program_acts_as_the_controller(case, tmp_path: Path) -> None:
     compiler = shutil.which("g++")
     if not compiler:
         pytest.skip("g++ is not installed")
-    file, measured, expected = episode
+    file, measured, expected = case
     program = tmp_path / "run_controller"
     source = str(EXAMPLES / "run_controller.cpp")
     flags = ["-std=c++17", "-O1", "-Wall", "-Wextra", "-Werror"]

@@ -251,3 +251,27 @@ def test_pauses_do_not_count_as_time(run: StoredRun) -> None:
     # Nine steps of two minutes, the pause counted as one, nine more.
     assert duration(generations) == "38 min"
     assert duration(generations[:1]) == "an unknown time"
+
+
+def test_the_actor_goes_along_and_is_exported_as_from_the_run(
+    dcrl_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    whole = shutil.copytree(dcrl_run, tmp_path / "run")
+    reevaluate(whole, REPEATS, processes=2)
+    few, again = tmp_path / "few", tmp_path / "again"
+    assert main([str(whole), "--out", str(few), "--cells", "4"]) == 0
+    assert main([str(few), "--out", str(again), "--cells", "2"]) == 0
+    assert "holds the actor as trained for generation 3" in (again / "card.md").read_text()
+    models = []
+    for folder in (whole, few, again):
+        out = tmp_path / f"{folder.name}.onnx"
+        assert export([str(folder), "--to", "onnx", "--actor", "--out", str(out)]) == 0
+        models.append(out.read_bytes())
+    assert models[0] == models[1] == models[2]
+    for file in whole.glob("critic-*.ckpt"):
+        file.unlink()
+    capsys.readouterr()
+    assert main([str(whole), "--out", str(tmp_path / "bare")]) == 0
+    assert "note: without an actor: Next to" in capsys.readouterr().err
+    assert "actor" not in (tmp_path / "bare" / "card.md").read_text().partition("Made by")[0]
+    assert not (tmp_path / "bare" / "actor.npz").exists()

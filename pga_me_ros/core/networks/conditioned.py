@@ -170,3 +170,21 @@ class ConditionedActor:
         wanted = conditions(np.asarray(descriptor, np.float64)[None], self._robot)
         plain, parameters = folded(self.shape, self.parameters, self._robot.observation_dim, wanted)
         return MlpController(plain, parameters[0])
+
+    def in_task_units(self) -> Float32Array:
+        """Return the parameters of the same network for descriptors in the task's units.
+
+        The scaling to -1..1 joins the first layer, so the layers stay what they are. Clip descriptors to their bounds
+        before they go in: unlike the actor itself, the network goes on beyond them.
+
+        Returns:
+            (P,) float32.
+        """
+        out = self.parameters.copy()
+        (weights, biases), *_ = self.shape.layers(out)
+        low, high = np.array(self._robot.descriptor_low), np.array(self._robot.descriptor_high)
+        of_descriptor = weights[:, self._robot.observation_dim :]
+        own = of_descriptor.astype(np.float64)
+        of_descriptor[:] = own * (2.0 / (high - low))
+        biases -= own @ ((high + low) / (high - low))
+        return out

@@ -114,14 +114,31 @@ class CriticCheckpoints:
         return _load(self._files.path(generation))
 
 
-def newest_snapshot(directory: Path) -> Snapshot | None:
-    """Return the snapshot of the newest training in the folder of a run, None if no training has ended.
+def newest_whole_snapshot(directory: Path) -> tuple[Snapshot | None, str]:
+    """Return the snapshot of the newest training in the folder of a run whose file is whole.
+
+    A run may be training meanwhile, and delete files that were there a moment ago.
+
+    Returns:
+        The snapshot, None if no training has ended; and which newer one is damaged, in words, empty for none.
 
     Raises:
-        StorageError: Its file is damaged.
+        StorageError: All files are damaged; the message is about the newest.
     """
-    generations = generations_of(directory, STEM)
-    return _load(directory / f"{STEM}-{generations[-1]:08d}.ckpt")[0] if generations else None
+    damaged: list[StorageError] = []
+    for generation in reversed(generations_of(directory, STEM)):
+        path = directory / f"{STEM}-{generation:08d}.ckpt"
+        try:
+            snapshot, _, _ = _load(path)
+        except StorageError as error:
+            if path.exists():
+                damaged.append(error)
+            continue
+        note = f"{damaged[0]} '{path.name}' is used instead." if damaged else ""
+        return snapshot, note
+    if damaged:
+        raise damaged[0]
+    return None, ""
 
 
 def _load(path: Path) -> tuple[Snapshot, CriticState, TrainingOrder]:

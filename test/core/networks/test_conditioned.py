@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
@@ -123,6 +124,30 @@ def test_an_actor_takes_the_descriptor_as_it_is_meant():
             np.testing.assert_allclose(
                 plain(observation), actor(observation, wanted), rtol=0, atol=2e-6
             )
+
+
+def test_an_actor_in_task_units_acts_as_the_conditioned_one():
+    actor = ConditionedActor(Robot(), ACTOR, PARAMETERS)
+    own = MlpController(ACTOR, actor.in_task_units())
+    for wanted in [*WANTED, Robot.descriptor_low, Robot.descriptor_high]:
+        for observation in OBSERVATIONS:
+            seen = np.concatenate([observation, np.float32(wanted)])
+            np.testing.assert_allclose(own(seen), actor(observation, wanted), rtol=0, atol=5e-6)
+    np.testing.assert_array_equal(actor.parameters, PARAMETERS)
+
+
+def test_the_scaling_of_one_neuron_by_hand():
+    shape = MlpShape((OBS + 2, 1))
+    parameters = np.zeros(shape.parameter_count, np.float32)
+    parameters[OBS : OBS + 3] = (
+        1.0,
+        8.0,
+        0.5,
+    )  # weights of a range 0..1 and one of -2..6, and the bias
+    robot = dataclasses.replace(Robot(), action_dim=1)
+    own = ConditionedActor(robot, shape, parameters).in_task_units()
+    assert not own[:OBS].any()
+    np.testing.assert_allclose(own[OBS:], [2.0, 2.0, 0.5 - 1.0 - 8.0 * 0.5])
 
 
 def test_an_actor_keeps_its_parameters():
