@@ -1,8 +1,9 @@
-"""Simulation steps of our tasks compared with stock pybullet_envs and with the bare physics engine.
+"""Simulation steps of our tasks compared with stock pybullet_envs, the bare physics engine and MuJoCo's robots.
 
 Run: `.venv/bin/python bench/rollout.py [--rounds 9]`; the last line is JSON. Every figure is a
 ratio of things measured in turn (A B C A B C ...) in this process, the median over rounds. Episodes
-are the same on all sides, bit for bit: same initial poses, same actions.
+are the same on all sides, bit for bit: same initial poses, same actions. MuJoCo's robots (`gymnasium:...`) are
+others of the same kind; `mujoco_steps` is their steps/s relative to those of PyBullet's, both as tasks of ours.
 """
 
 from __future__ import annotations
@@ -37,6 +38,14 @@ STOCK = {
     "qd_hopper": stock_envs.HopperBulletEnv,
 }
 
+MUJOCO = {
+    "qd_walker": "gymnasium:Walker2d-v5",
+    "qd_half_cheetah": "gymnasium:HalfCheetah-v5",
+    "qd_ant": "gymnasium:Ant-v5",
+    "qd_hopper": "gymnasium:Hopper-v5",
+}
+"""The robot of the same kind in MuJoCo."""
+
 
 @dataclass(frozen=True)
 class Script:
@@ -66,6 +75,11 @@ def rhythmic_episodes(task: Any, count: int = 8, limit: int = 100) -> list[Scrip
                 break
         scripts.append(script)
     return sorted(scripts, key=lambda script: -len(script.actions))[:count]
+
+
+def steps_of(scripts: list[Script]) -> int:
+    """Return the steps of all episodes."""
+    return sum(len(script.actions) for script in scripts)
 
 
 def stock_reset(environment: Any, seed: int) -> np.ndarray:
@@ -145,6 +159,9 @@ def measure_task(name: str, rounds: int) -> dict[str, list[float]]:
     task, environment = load_task(name)(), STOCK[name]()
     stock_reset(environment, 0)
     scripts = rhythmic_episodes(task)
+    other = load_task(MUJOCO[name])()
+    others = rhythmic_episodes(other)
+    longer = steps_of(others) / steps_of(scripts)
     shape = MlpShape((task.spec.observation_dim, 128, 128, task.spec.action_dim))
     controllers = [MlpController(shape, random_parameters(shape, generator(i))) for i in range(8)]
     policies = [torch_policy(controller) for controller in controllers]
@@ -152,21 +169,25 @@ def measure_task(name: str, rounds: int) -> dict[str, list[float]]:
         "step_vs_stock": [],
         "share_of_raw": [],
         "episode_vs_plain": [],
+        "mujoco_steps": [],
     }
     for _ in range(rounds):
         # Turns are as short as one episode, so that a disturbance affects all sides.
-        times = np.zeros(5)
-        for script in scripts:
+        times = np.zeros(6)
+        for script, its in zip(scripts, others, strict=True):
             times[0] += time_stock(environment, script)
             times[1] += time_ours(task, script)
             times[2] += time_physics(task, script)
+            times[5] += time_ours(other, its)
         for i, (controller, policy) in enumerate(zip(controllers, policies, strict=True)):
             times[3] += time_call(partial(plain_episode, environment, policy, i, 60))
             times[4] += time_call(partial(rollout, task, controller, generator(i), 60))
         ratios["step_vs_stock"].append(times[0] / times[1])
         ratios["share_of_raw"].append(times[2] / times[1])
         ratios["episode_vs_plain"].append(times[3] / times[4])
+        ratios["mujoco_steps"].append(longer * times[1] / times[5])
     task.close()
+    other.close()
     environment.close()
     return ratios
 

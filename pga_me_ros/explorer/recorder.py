@@ -12,9 +12,8 @@ from pga_me_ros.core.storage.stored_run import StoredRun
 from pga_me_ros.errors import PgaError
 from pga_me_ros.explorer.motion import EpisodeStart, describe_motion, recorded
 from pga_me_ros.explorer.robot_model import describe_model
-from pga_me_ros.player.body_reader import BodyReader
 from pga_me_ros.player.gait import Gait
-from pga_me_ros.player.watched_rollout import body_of
+from pga_me_ros.player.reader import reader_of
 from pga_me_ros.tasks.protocol import Task
 from pga_me_ros.tasks.registry import make_task
 
@@ -38,7 +37,7 @@ class Recorder:
         self.missing = ""
         self.model: dict[str, Any] | None = None
         try:
-            self.model = describe_model(BodyReader(body_of(self._task(""))).model)
+            self.model = describe_model(reader_of(self._task("")).model)
         except PgaError as error:
             self.missing = str(error)
         except ImportError as error:

@@ -25,7 +25,6 @@ from pga_me_ros.core.evaluation import as_evaluated, evaluation_rng
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.errors import RequestError, TaskError
 from pga_me_ros.hardware.timing import spread
-from pga_me_ros.player.body_reader import BodyReader
 from pga_me_ros.player.commanded import CommandedEpisode, CommandedJoints, SensorMessages
 from pga_me_ros.player.display import require_display
 from pga_me_ros.player.gait import Gait
@@ -33,11 +32,12 @@ from pga_me_ros.player.messages import RobotMessages, stamp_of
 from pga_me_ros.player.model import RobotModel, RobotState
 from pga_me_ros.player.pace import Pace
 from pga_me_ros.player.promise import average, is_kept, kept, lasted
+from pga_me_ros.player.reader import Reader
 from pga_me_ros.player.settings import PlayerSettings, require_sense
 from pga_me_ros.player.source import Served, Source, Stored
 from pga_me_ros.player.urdf import urdf
 from pga_me_ros.player.watched_rollout import watched_rollout
-from pga_me_ros.player.window import Window
+from pga_me_ros.player.window import Window, window_of
 from pga_me_ros.ros import names, qos
 from pga_me_ros.ros.choice import ChoiceSettings, wanted
 from pga_me_ros.ros.command_line import Program
@@ -165,7 +165,7 @@ class BehaviorPlayer(GraphNode):
         self._tell_of(gait, task)
         period = task.spec.control_period
 
-        def look(step: int, reader: BodyReader) -> None:
+        def look(step: int, reader: Reader) -> None:
             if not step:
                 self._pace.begin()
             elif self._mode != "real_time":  # which waits for the command instead
@@ -173,8 +173,8 @@ class BehaviorPlayer(GraphNode):
             self._check_end()
             state = reader.state()
             if self._values["gui"]:
-                if self._window is None or self._window.client != reader.client:
-                    self._window = Window(reader, state)
+                if self._window is None or not self._window.shows(reader.body):
+                    self._window = window_of(reader, state)
                 self._window.follow(state)
             self._show = partial(self._publish, reader.model, state, task)
             self._show()

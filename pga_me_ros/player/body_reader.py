@@ -11,6 +11,7 @@ from pga_me_ros.errors import TaskError
 from pga_me_ros.player.mjcf import capsule_poses
 from pga_me_ros.player.model import (
     BASE_LINK,
+    NO_SPEED_LIMIT,
     TORSO_CENTER,
     Joint,
     Link,
@@ -22,9 +23,6 @@ from pga_me_ros.player.model import (
 )
 from pga_me_ros.player.transform import ZERO, Transform, conjugate, multiply, rotate, unit
 from pga_me_ros.tasks.body import Body
-
-NO_SPEED_LIMIT = 100.0
-"""Speed limit for joints without one, rad/s or m/s: URDF requires a limit."""
 
 _MADE_UP = re.compile(r"jointfix_\d+_\d+")
 """Names that PyBullet gives to the welds of MJCF models; their numbers depend on what was loaded before."""
@@ -43,6 +41,7 @@ class BodyReader:
         body: The robot in its world, which must stay open.
 
     Attributes:
+        body: The robot in its world.
         model: The robot's links and joints.
         client: Id of the PyBullet client.
 
@@ -54,7 +53,7 @@ class BodyReader:
         import pybullet
 
         self._pybullet = pybullet
-        self._body = body
+        self.body = body
         self.client = body.client
         self._path = Path(os.fspath(body.model_path))
         self._infos = [
@@ -74,7 +73,7 @@ class BodyReader:
 
     def state(self) -> RobotState:
         """Return where the robot is now."""
-        pybullet, body = self._pybullet, self._body
+        pybullet, body = self._pybullet, self.body
         states = pybullet.getJointStates(body.robot, self._movable, body.client)
         pose = told = Transform(*pybullet.getBasePositionAndOrientation(body.robot, body.client))
         if body.torso < 0:
@@ -88,7 +87,7 @@ class BodyReader:
 
     def _along_rails(self, pose: Transform) -> Transform:
         """Return the pose of the torso's center of mass, given that of the base's frame."""
-        pybullet, body = self._pybullet, self._body
+        pybullet, body = self._pybullet, self.body
         for index in self._rails:
             pose = pose @ self._origin(index)
             if self._kind(index) != "fixed":
@@ -97,8 +96,8 @@ class BodyReader:
         return pose @ self._centers[body.torso]
 
     def _read_model(self) -> RobotModel:
-        root, robot = self._pybullet.getBodyInfo(self._body.robot, self._body.client)
-        torso = self._body.torso
+        root, robot = self._pybullet.getBodyInfo(self.body.robot, self.body.client)
+        torso = self.body.torso
         torso_name = root.decode() if torso < 0 else self._name(torso)
         # The user's links and joints keep their names; what is added here gets a free one.
         below = {torso_name, *map(self._name, self._below_torso())}
@@ -153,7 +152,7 @@ class BodyReader:
                     "below it in the task's body"
                 )
             kind, lower, upper = "continuous", 0.0, 0.0
-        effort = self._body.efforts.get(name, effort)
+        effort = self.body.efforts.get(name, effort)
         velocity = velocity or NO_SPEED_LIMIT
         return Joint(
             name,
@@ -182,7 +181,7 @@ class BodyReader:
         Raises:
             TaskError: A link is not below the torso.
         """
-        below = {self._body.torso}
+        below = {self.body.torso}
         for index, info in enumerate(self._infos):
             if info[16] in below:
                 below.add(index)
@@ -204,7 +203,7 @@ class BodyReader:
     def _read_shapes(self) -> dict[int, list[Shape]]:
         """Return the shapes of each link in its PyBullet frame."""
         shapes: dict[int, list[Shape]] = {}
-        for data in self._pybullet.getVisualShapeData(self._body.robot, -1, self._body.client):
+        for data in self._pybullet.getVisualShapeData(self.body.robot, -1, self.body.client):
             if data[2] not in _SHAPES:
                 raise TaskError(
                     f"a shape of kind {data[2]} in '{self._path}' cannot be drawn; expected sphere, box, "
@@ -224,7 +223,7 @@ class BodyReader:
     def _lay_capsules(self, shapes: dict[int, list[Shape]]) -> None:
         """Correct the poses of capsules given by their ends, which PyBullet reports as upright at the origin."""
         poses = capsule_poses(self._path)
-        root = self._pybullet.getBodyInfo(self._body.robot, self._body.client)[0].decode()
+        root = self._pybullet.getBodyInfo(self.body.robot, self.body.client)[0].decode()
         for index, seen in shapes.items():
             known = poses.get(root if index < 0 else self._name(index), [])
             if len(known) == len(seen):

@@ -19,7 +19,7 @@ from pga_me_ros.errors import RequestError, TaskError
 from pga_me_ros.player.messages import in_base
 from pga_me_ros.player.model import RobotModel, RobotState
 from pga_me_ros.player.pace import Pace
-from pga_me_ros.player.watched_rollout import body_of
+from pga_me_ros.player.reader import body_of
 from pga_me_ros.tasks.protocol import Task
 
 SILENCE = 0.05

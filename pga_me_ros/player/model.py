@@ -17,6 +17,9 @@ TORSO_CENTER = "torso_center"
 WORLD = "odom"
 """Fixed frame that the robot moves in; the floor is its plane z = 0."""
 
+NO_SPEED_LIMIT = 100.0
+"""Speed limit for joints without one, rad/s or m/s: URDF requires a limit."""
+
 Color = tuple[float, float, float, float]
 
 
@@ -74,7 +77,7 @@ class Joint:
         upper: Greatest position, likewise.
         effort: Greatest torque or force, N·m or N.
         velocity: Greatest speed, rad/s or m/s.
-        index: Joint index in PyBullet, of a movable joint.
+        index: Joint index in the simulator, of a movable joint.
     """
 
     name: str
@@ -141,7 +144,10 @@ class RobotState:
         angular: Angular velocity, rad/s, in the world frame.
         positions: Position of each movable joint, rad or m.
         velocities: Velocity of each movable joint, rad/s or m/s.
-        told: Pose of the base frame as PyBullet tells it to tasks: where the torso is a link, that of a substep ago.
+        told: Pose of the base frame as the simulator tells it to tasks: where the torso is a link in PyBullet, that of
+            a substep ago.
+        configuration: The whole state of the simulation's positions, for a simulator that draws its robots itself;
+            empty for others.
     """
 
     base: Transform
@@ -150,6 +156,7 @@ class RobotState:
     positions: tuple[float, ...]
     velocities: tuple[float, ...]
     told: Transform
+    configuration: tuple[float, ...] = ()
 
     def as_told(self) -> RobotState:
         """Return the state that tasks, and the observations of their controllers, know of."""

@@ -57,7 +57,7 @@ class PlayerSettings:
         high=3600.0,
         unit="s",
     )
-    gui: bool = setting(False, "Whether to open PyBullet's window.")
+    gui: bool = setting(False, "Whether to open the simulator's window.")
 
 
 def require_sense(values: Mapping[str, Any]) -> None:

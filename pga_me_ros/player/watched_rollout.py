@@ -4,19 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from pga_me_ros.arrays import Float32Array
-from pga_me_ros.errors import TaskError
-from pga_me_ros.player.body_reader import BodyReader
 from pga_me_ros.player.model import RobotModel, RobotState
-from pga_me_ros.tasks.body import Body
+from pga_me_ros.player.reader import Reader, reader_of
+from pga_me_ros.tasks.body import AnyBody
 from pga_me_ros.tasks.protocol import Task
 from pga_me_ros.tasks.rollout import Episode, rollout
 
-Look = Callable[[int, BodyReader], None]
+Look = Callable[[int, Reader], None]
 
 
 def watched_rollout(
@@ -36,13 +34,13 @@ def watched_rollout(
     Raises:
         TaskError: The task has no `body`, or its robot cannot be shown.
     """
-    reader = BodyReader(body_of(task))
+    reader = reader_of(task)
     steps = 0
 
     def act(observation: Float32Array) -> Float32Array:
         nonlocal reader, steps
         if steps == 0:  # the reset may have opened another world
-            reader = BodyReader(body_of(task))
+            reader = reader_of(task)
         look(steps, reader)
         steps += 1
         return controller(observation)
@@ -50,21 +48,6 @@ def watched_rollout(
     episode = rollout(task, act, rng)
     look(steps, reader)
     return episode
-
-
-def body_of(task: Any) -> Body:
-    """Return the robot of a task.
-
-    Raises:
-        TaskError: The task has no `body`.
-    """
-    body = getattr(task, "body", None)
-    if not isinstance(body, Body):
-        raise TaskError(
-            f"task '{task.spec.name}' cannot be shown: it has no property 'body' that is a "
-            "pga_me_ros.tasks.body.Body; see docs/tasks.md for how to add one"
-        )
-    return body
 
 
 @dataclass(frozen=True)
@@ -76,12 +59,14 @@ class Recording:
         states: Its recorded states.
         steps: Number of steps before each state.
         episode: The episode.
+        body: The robot in its simulation.
     """
 
     model: RobotModel
     states: tuple[RobotState, ...]
     steps: tuple[int, ...]
     episode: Episode
+    body: AnyBody
 
 
 def record(
@@ -103,13 +88,14 @@ def record(
     """
     states: list[RobotState] = []
     steps: list[int] = []
-    readers: list[BodyReader] = []
+    readers: list[Reader] = []
 
-    def look(step: int, reader: BodyReader) -> None:
+    def look(step: int, reader: Reader) -> None:
         if step % every == 0:
             states.append(reader.state())
             steps.append(step)
             readers[:] = [reader]
 
     episode = watched_rollout(task, controller, rng, look)
-    return Recording(readers[0].model, tuple(states), tuple(steps), episode)
+    read = readers[0]
+    return Recording(read.model, tuple(states), tuple(steps), episode, read.body)

@@ -13,7 +13,7 @@ from pga_me_ros.player.camera import Camera
 from pga_me_ros.player.gait import Gait
 from pga_me_ros.player.watched_rollout import Recording
 from pga_me_ros.render.labels import LEFT, LETTERS, PAPER, described, labelled, wrapped
-from pga_me_ros.render.scene import Scene
+from pga_me_ros.render.open_scene import open_scene
 
 COLORS = 64
 """Number of colors of a GIF: few colors make small files, and flat shades need no more."""
@@ -37,7 +37,7 @@ def animation(
         size: Width and height, pixels.
     """
     camera = Camera.for_robot(recording.model, recording.states[0])
-    scene = Scene(recording.model, *size)
+    scene = open_scene(recording, *size)
     start = recording.states[0].base.position[0]
     title = wrapped(described(gait), size[0] - 2 * LEFT, LETTERS)
     frames = []

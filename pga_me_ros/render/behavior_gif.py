@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -125,5 +125,5 @@ def _shown(
     if not shown:
         raise RequestError(f"The episode ends after {times[-1]:.2f} s; give a smaller start.")
     part = slice(shown[0], shown[-1] + 1)
-    recording = Recording(whole.model, whole.states[part], whole.steps[part], whole.episode)
+    recording = replace(whole, states=whole.states[part], steps=whole.steps[part])
     return whole, recording, [time / options.speed for time in times[part]]

@@ -12,7 +12,7 @@ from pga_me_ros.player.camera import Camera
 from pga_me_ros.player.gait import Gait
 from pga_me_ros.player.watched_rollout import Recording
 from pga_me_ros.render.labels import LETTERS, PAPER, described, write
-from pga_me_ros.render.scene import Scene
+from pga_me_ros.render.open_scene import AnyScene, open_scene
 
 LABEL = 150
 """Width of the column of text, pixels."""
@@ -55,8 +55,7 @@ def contact_sheet(
         PAPER,
     )
     write(sheet, (8, 8), [title], LETTERS + 2)
-    first = rows[0].recording
-    scene = Scene(first.model, *size)
+    scene = open_scene(rows[0].recording, *size)
     try:
         for i, row in enumerate(rows):
             top = HEAD + i * (height + GAP)
@@ -68,7 +67,9 @@ def contact_sheet(
     return sheet
 
 
-def _moments(recording: Recording, columns: int, scene: Scene, period: float) -> list[Image.Image]:
+def _moments(
+    recording: Recording, columns: int, scene: AnyScene, period: float
+) -> list[Image.Image]:
     camera = Camera.for_robot(recording.model, recording.states[0])
     start = recording.states[0].base.position[0]
     pictures = []

@@ -46,6 +46,7 @@ class Scene:
 
         self._pybullet = pybullet
         self._size = (width, height)
+        self._center = model.links[1].center
         self._client: int = pybullet.connect(pybullet.DIRECT)
         try:
             self._ground = self._lay_ground()
@@ -62,7 +63,9 @@ class Scene:
     def picture(self, state: RobotState, camera: Camera) -> Picture:
         """Return what a camera sees: (height, width, 3) uint8."""
         pybullet, client = self._pybullet, self._client
-        pybullet.resetBasePositionAndOrientation(self._robot, *state.base, physicsClientId=client)
+        # PyBullet's base is the frame of the torso's center of mass, along the axes of its inertia.
+        base = state.base @ self._center
+        pybullet.resetBasePositionAndOrientation(self._robot, *base, physicsClientId=client)
         for index, position in zip(self._movable, state.positions, strict=True):
             pybullet.resetJointState(self._robot, index, position, 0.0, client)
         self._move_ground(camera.target(state)[:2])

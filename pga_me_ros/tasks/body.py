@@ -1,14 +1,15 @@
-"""A task's robot in PyBullet, for programs that show it; evaluations do not need it."""
+"""A task's robot in its simulator, for programs that show it; evaluations do not need it."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 
 @dataclass(frozen=True)
 class Body:
-    """Where to find a task's robot. A task that can be played or drawn has one as its `body`.
+    """Where to find a task's robot in PyBullet. A task that can be played or drawn has one as its `body`.
 
     Attributes:
         client: Id of the PyBullet client.
@@ -24,3 +25,27 @@ class Body:
     torso: int = -1
     model_path: str = ""
     efforts: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class MujocoBody:
+    """Where to find a task's robot in MuJoCo, likewise.
+
+    Attributes:
+        model: The ``MjModel``.
+        data: The simulation's ``MjData``.
+        torso: Id of the body whose pose is the robot's. The robot is all that hangs on it; joints between it and the
+            world are not part of the robot.
+        name: Name of the robot.
+        efforts: As in `Body`.
+    """
+
+    model: Any
+    data: Any
+    torso: int = 1
+    name: str = "robot"
+    efforts: Mapping[str, float] = field(default_factory=dict)
+
+
+AnyBody = Body | MujocoBody
+"""What can be the `body` of a task."""

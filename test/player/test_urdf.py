@@ -135,7 +135,7 @@ def test_a_users_robot_from_urdf(file: str, tmp_path: Path) -> None:
     for index in range(pybullet.getNumJoints(body, client)):
         pybullet.resetJointState(body, index, rng.uniform(-0.5, 0.5), 0.0, client)
     reader = BodyReader(Body(client, body, -1, path))
-    robot = Posed(reader._body, reader, reader.state())
+    robot = Posed(reader.body, reader, reader.state())
     truth = centers_by_pybullet(client, body)
     with loaded(robot, tmp_path) as (other, copied):
         copy = centers_by_pybullet(other, copied)

@@ -12,6 +12,7 @@ import numpy as np
 from pga_me_ros.arrays import Float32Array, Float64Array
 from pga_me_ros.dependencies import missing, missing_dependency
 from pga_me_ros.errors import TaskError, nearest_name
+from pga_me_ros.tasks.body import MujocoBody
 from pga_me_ros.tasks.gym.descriptors import checked_value, make_descriptor
 from pga_me_ros.tasks.gym.entries import action_names, observation_entries
 from pga_me_ros.tasks.gym.name import Options, read_name
@@ -102,6 +103,22 @@ class GymnasiumTask:
             self.options.descriptor or "feet", self._descriptor.value(), self.spec.descriptor_dim
         )
         return np.clip(value, *self._bounds)
+
+    @property
+    def body(self) -> MujocoBody:
+        """The robot in its simulation, for display.
+
+        Raises:
+            TaskError: The environment is not one of MuJoCo's.
+        """
+        unwrapped = self._env.unwrapped
+        model, data = getattr(unwrapped, "model", None), getattr(unwrapped, "data", None)
+        if not hasattr(model, "body_parentid") or not hasattr(data, "qpos"):
+            raise TaskError(
+                f"task '{self.name}' cannot be shown: its environment is none of MuJoCo's, which tell where the "
+                "parts of the robot are"
+            )
+        return MujocoBody(model, data, name=self._env.spec.name)
 
     def close(self) -> None:
         """Close the environment; a second call does nothing."""

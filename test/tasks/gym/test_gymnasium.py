@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from pga_me_ros.errors import TaskError
+from pga_me_ros.player.reader import reader_of
 from pga_me_ros.tasks.check import check_task
 from pga_me_ros.tasks.protocol import DivergedError, NonFiniteActionError
 from pga_me_ros.tasks.registry import load_task
@@ -175,4 +176,11 @@ def test_nan_of_an_environment_is_named() -> None:
     for controller in (constant([0.0]), lambda observation: np.tanh(observation[:1])):
         with pytest.raises(DivergedError, match=r"Pendulum.* left the finite numbers"):
             rollout(task, controller, rng())
+    task.close()
+
+
+def test_a_robot_outside_mujoco_cannot_be_shown() -> None:
+    task = load_task(PENDULUM)()
+    with pytest.raises(TaskError, match="cannot be shown: its environment is none of MuJoCo's"):
+        reader_of(task)
     task.close()
