@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Mapping
 from typing import Any
@@ -15,6 +16,12 @@ from pga_me_ros.hardware.guard import Guard, Limits, State, ramp_steps
 from pga_me_ros.hardware.mapping import RobotMapping
 from pga_me_ros.hardware.observer import Observer
 from pga_me_ros.hardware.timing import Timing
+
+SOONEST = 0.9
+"""Control periods between two commands at least, on average, so that rates and ramps hold in real time, too."""
+
+EARLY = 0.5
+"""Control periods by which a command may come before its turn, after one that was late."""
 
 TRIALS = 50
 """Actions that are computed at the start to see how long one takes."""
@@ -54,6 +61,8 @@ class ControlLoop:
         require_fast_enough(controller)
         self._controller = controller
         self._timeout: float = values["timeout"]
+        self._simulated: bool = values["simulated"]
+        self._turn = -math.inf
         joints = mapping.joints
         self._scale = np.array([joint.scale for joint in joints])
         self._offset = np.array([joint.offset for joint in joints])
@@ -74,6 +83,10 @@ class ControlLoop:
         self.observer = Observer(mapping, controller)
         self.timing = Timing(self.period)
 
+    def due(self, now: float) -> bool:
+        """Whether a message that triggers may be answered by a command already."""
+        return self._simulated or now >= self._turn
+
     def missing(self, now: float) -> str:
         """Return which readings are stale, in words; empty for none."""
         return self.observer.missing(now, self._timeout)
@@ -84,6 +97,7 @@ class ControlLoop:
         Returns:
             (n,) float64, in the order of the mapping's joints; None if there is nothing to command yet.
         """
+        self._turn = max(self._turn, now - EARLY * self.period) + SOONEST * self.period
         missing = self.missing(now)
         if missing:
             return self.guard.freeze(missing)

@@ -40,7 +40,9 @@ class Limits:
 
 
 class Guard:
-    """Turns what a controller wants into what the joints get. Of these rules, the first that applies counts.
+    """Turns what a controller wants into what the joints get.
+
+    Of the first three rules, the first that applies decides alone; otherwise the last three follow in turn.
 
     1. Stopped: efforts are 0; positions stay where they were last commanded. Only `release` ends it.
     2. A wanted command that is not finite stops.

@@ -29,11 +29,13 @@ class Source:
         topic: Its name.
         type: Type of its messages, one of `fields.TYPES`.
         reliable: Whether every message must arrive; otherwise the newest counts, as usual for sensors.
+        timeout: Age from which on its readings are stale, s; None for the controller's parameter.
     """
 
     topic: str
     type: str
     reliable: bool
+    timeout: float | None
 
 
 @dataclass(frozen=True)

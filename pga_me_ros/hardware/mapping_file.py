@@ -66,12 +66,13 @@ def _mapping(path: Path, content: Any) -> RobotMapping:
 
 
 def _source(where: str, given: Any) -> Source:
-    section = _section(where, given, ("topic", "type"), ("reliable",))
+    section = _section(where, given, ("topic", "type"), ("reliable", "timeout"))
     reliable = section.get("reliable", False)
     if not isinstance(reliable, bool):
         raise SettingsError(f"{where}: reliable is {reliable!r}; give true or false.")
     kind = _choice(where, section, "type", tuple(TYPES))
-    return Source(_text(where, section, "topic"), kind, reliable)
+    timeout = _positive(where, section, "timeout") if "timeout" in section else None
+    return Source(_text(where, section, "topic"), kind, reliable, timeout)
 
 
 def _entry(where: str, given: Any, sources: Mapping[str, Source]) -> Entry:

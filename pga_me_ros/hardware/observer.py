@@ -87,13 +87,22 @@ class Observer:
         self._heard |= dict.fromkeys(found, now)
 
     def missing(self, now: float, timeout: float) -> str:
-        """Return which readings were never heard, or are older than a timeout, in words; empty for none."""
-        old = [c for c in self._channels if not now - self._heard.get(c, -math.inf) <= timeout]
-        if not old:
+        """Return which reading was never heard, or is the oldest of those beyond their timeouts, in words; or empty.
+
+        Args:
+            now: The present.
+            timeout: Timeout of sources that have none of their own, s.
+        """
+        oldest, greatest = None, 0.0
+        for channel in self._channels:
+            own = self._mapping.sources[channel.source].timeout
+            age = now - self._heard.get(channel, -math.inf)
+            if age > (timeout if own is None else own) and age > greatest:
+                oldest, greatest = channel, age
+        if oldest is None:
             return ""
-        ages = [now - self._heard.get(channel, -math.inf) for channel in old]
-        age = "was never heard" if max(ages) == math.inf else f"is {max(ages):.2f} s old"
-        return f"{self._words(old[ages.index(max(ages))])} {age}"
+        age_in_words = "was never heard" if greatest == math.inf else f"is {greatest:.2f} s old"
+        return f"{self._words(oldest)} {age_in_words}"
 
     def newest(self) -> float:
         """Return when the newest reading came."""

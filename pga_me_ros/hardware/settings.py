@@ -26,6 +26,11 @@ class HardwareSettings:
         "Source of the mapping whose messages are answered by a command each; empty for a clock that gives one every "
         "control period.",
     )
+    simulated: bool = setting(
+        False,
+        "Whether the robot is a simulation, which may be faster than real time. A real one gets one command per "
+        "control period, however often the trigger comes.",
+    )
     ramp: float = setting(
         1.0,
         "Time in which commands blend from rest to what the behavior wants, first and after each stop or freeze.",
@@ -35,7 +40,8 @@ class HardwareSettings:
     )
     timeout: float = setting(
         0.1,
-        "Age from which on a sensor reading is stale, so that the commands freeze.",
+        "Age from which on a sensor reading is stale, so that the commands freeze; a source of the mapping may have "
+        "its own.",
         low=0.001,
         high=600.0,
         unit="s",

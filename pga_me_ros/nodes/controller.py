@@ -97,8 +97,9 @@ class JointController(GraphNode):
             self.create_subscription(TYPES[source.type], source.topic, take, profile)
 
     def _take(self, loop: ControlLoop, source: str, triggers: bool, msg: Any) -> None:
+        now = time.monotonic()
         try:
-            loop.observer.take(source, msg, time.monotonic())
+            loop.observer.take(source, msg, now)
         except NotFiniteError as error:
             self.refused(str(error))
         except SensorError as error:
@@ -106,7 +107,7 @@ class JointController(GraphNode):
                 self.end(error)
             else:
                 self.refused(str(error))
-        if triggers:
+        if triggers and loop.due(now):
             self._step()
 
     def _check(self) -> None:

@@ -13,7 +13,6 @@ from rclpy.signals import SignalHandlerOptions
 
 from pga_me_ros.dependencies import EXIT_BAD_INPUT, missing_dependency
 from pga_me_ros.errors import PgaError
-from pga_me_ros.process.early_signals import hand_over
 from pga_me_ros.process.parent_watch import wait_for_word
 from pga_me_ros.process.signals import Signals
 from pga_me_ros.process.streams import tell
@@ -44,6 +43,12 @@ def run_node(
     """
     node: EndingNode | None = None
     started = running = False
+
+    def tell_to_end(_: int) -> None:
+        if node is None:  # it is just being made
+            raise KeyboardInterrupt
+        node.end(ExternalShutdownException())
+
     try:
         wait_for_word()
         options = {"signal_handler_options": SignalHandlerOptions.NO} if last_words else {}
@@ -51,11 +56,8 @@ def run_node(
             return 0
         started = True
         if last_words:
-            hand_over()  # until the node is there, a signal interrupts
+            Signals(tell_to_end)
         node = make()
-        if last_words:
-            end = node.end
-            Signals(lambda _: end(ExternalShutdownException()))
         running = True
         spin(node)
     except (KeyboardInterrupt, ExternalShutdownException):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 import signal
+import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -67,6 +68,7 @@ def test_the_loop_closed_over_topics_gives_the_gait_that_was_promised(
             "repertoire": REPERTOIRE,
             "mapping": MAPPING,
             "trigger": "contacts",
+            "simulated": True,
             "ramp": 0.2,
             "timeout": 30.0,
         },
@@ -208,6 +210,41 @@ def test_a_joint_that_the_robot_has_not_ends_it_in_one_line(driven: Driven, tmp_
     assert other.wait() == 2
     words = "error: Topic 'joint_states' has no joint 'ankle_joint' (did you mean 'leg_joint'?); it has thigh_joint,"
     assert other.output.splitlines()[-1].startswith(words)
+
+
+FAULT = """
+from pga_me_ros.hardware.control_loop import ControlLoop
+from pga_me_ros.nodes.controller import main
+
+step, steps = ControlLoop.step, iter(range(30))
+
+def until_the_fault(loop, now):
+    next(steps)
+    return step(loop, now)
+
+ControlLoop.step = until_the_fault
+raise SystemExit(main())
+"""
+
+
+def test_a_fault_of_the_controller_leaves_the_joints_without_effort(
+    driven: Driven, tmp_path: Path
+) -> None:
+    commands = driven.probe.listen(Float64MultiArray, "/other/commands", qos.STREAM)
+    parameters = {"repertoire": REPERTOIRE, "mapping": MAPPING, "timeout": 5.0, "ramp": 0.0}
+    graph = Graph(driven.probe.context.get_domain_id(), tmp_path)
+    command = [sys.executable, "-c", FAULT, *ros_arguments(parameters), *REMAPPED]
+    faulty = graph.launch(command)
+
+    def ended() -> bool:
+        driven.speak()
+        return faulty.process.poll() is not None
+
+    wait_until(ended, "its end")
+    assert faulty.wait() == 1
+    assert "StopIteration" in faulty.output
+    wait_until(lambda: bool(commands) and not any(commands[-1].data), "efforts of 0")
+    assert any(map(any, (msg.data for msg in commands)))
 
 
 @pytest.mark.parametrize(

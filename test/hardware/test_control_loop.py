@@ -101,6 +101,27 @@ def test_joints_get_the_actions_that_the_mapping_gives_them() -> None:
     np.testing.assert_array_equal(command, 75.0 * controller(observation)[::-1].astype(np.float64))
 
 
+def commands_of(loop: ControlLoop, triggers: list[float]) -> int:
+    """Return how many of the moments at which a trigger comes, in control periods, are answered."""
+    count = 0
+    for moment in triggers:
+        if loop.due(moment * loop.period):
+            loop.step(moment * loop.period)
+            count += 1
+    return count
+
+
+def test_a_trigger_that_comes_often_gives_commands_at_the_control_period() -> None:
+    often = [0.06 * k for k in range(1500)]  # 90 periods
+    assert 90 <= commands_of(loop_of("qd_hopper"), often) <= 101
+    assert commands_of(loop_of("qd_hopper", simulated=True), often) == 1500
+
+
+def test_a_trigger_at_the_control_period_is_always_answered_though_some_are_late() -> None:
+    late = [float(k) + (0.5 if k % 10 == 3 else 0.0) for k in range(100)]
+    assert commands_of(loop_of("qd_hopper"), late) == 100
+
+
 def test_a_trigger_that_is_no_source_is_refused() -> None:
     words = (
         r"trigger is 'joint' \(did you mean 'joints'\?\), but the sources of .* are joints, odom"

@@ -44,6 +44,7 @@ def changed(folder: Path, **values: Any) -> RobotMapping:
             {"sources__imu__type": "Imu"},
             "sources imu: type is 'Imu'; expected sensor_msgs/JointState or sens",
         ),
+        ({"sources__imu__timeout": 0}, "sources imu: timeout is 0; give a number above 0."),
         ({"sources__imu__reliable": 1}, "sources imu: reliable is 1; give true or false."),
         (
             {"sources__gps": {"topic": "gps", "type": "sensor_msgs/Imu"}},
@@ -146,6 +147,16 @@ def test_what_does_not_fit_the_controller(
         mapping.require_fits(controller_of("qd_hopper"))
     assert words in str(error.value)
     assert "\n" not in str(error.value)
+
+
+def test_the_documented_mapping_is_one(tmp_path: Path) -> None:
+    page = (SHIPPED.parents[1] / "docs" / "hardware.md").read_text()
+    (tmp_path / "page.yaml").write_text(page.partition("```yaml\n")[2].partition("```")[0])
+    mapping = read_mapping(tmp_path / "page.yaml")
+    with pytest.raises(
+        SettingsError, match="observation lacks leg_joint/position, leg_joint/veloci"
+    ):
+        mapping.require_fits(controller_of("qd_hopper"))
 
 
 def test_the_mapping_of_another_robot() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from pathlib import Path
 from typing import Any
@@ -55,6 +56,16 @@ def test_what_is_old_is_missing(observer: Observer, readings: dict[str, Any]) ->
     for source in ("joints", "odometry", "contacts"):
         observer.take(source, readings[source], 2.0)
     assert observer.missing(2.0, 0.5) == "yaw on topic 'imu' is 1.00 s old"
+
+
+def test_a_source_may_have_a_timeout_of_its_own(readings: dict[str, Any]) -> None:
+    imu = dataclasses.replace(HOPPER.sources["imu"], timeout=0.01)
+    sources = {**HOPPER.sources, "imu": imu}
+    observer = Observer(dataclasses.replace(HOPPER, sources=sources), CONTROLLER)
+    for source, msg in readings.items():
+        observer.take(source, msg, 1.0)
+    assert observer.missing(1.005, 0.5) == ""
+    assert observer.missing(1.02, 0.5) == "yaw on topic 'imu' is 0.02 s old"
 
 
 def test_joints_may_be_divided_among_messages(readings: dict[str, Any]) -> None:
