@@ -7,6 +7,7 @@ from pga_me_ros.client.adapter import AdaptationResult, Adapter
 from pga_me_ros.client.answers import ActorNotFoundError, BehaviorNotFoundError
 from pga_me_ros.client.behaviors import Behavior, FoundBehavior, ListedBehavior, RepertoireInfo
 from pga_me_ros.client.controller import Controller
+from pga_me_ros.client.generations import ListedGeneration
 from pga_me_ros.client.patient_caller import BlockedExecutorError, RepertoireTimeoutError
 from pga_me_ros.client.repertoire_client import RepertoireClient
 
@@ -21,6 +22,7 @@ __all__ = [
     "Controller",
     "FoundBehavior",
     "ListedBehavior",
+    "ListedGeneration",
     "RepertoireClient",
     "RepertoireInfo",
     "RepertoireTimeoutError",

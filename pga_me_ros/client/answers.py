@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from pga_me_msgs.srv import GetActor, GetBehavior, GetBehaviors, ListBehaviors
+from pga_me_msgs.srv import GetActor, GetBehavior, GetBehaviors, ListBehaviors, ListGenerations
 
 from pga_me_ros.client.actor import Actor
 from pga_me_ros.client.behaviors import Behavior, FoundBehavior, ListedBehavior
+from pga_me_ros.client.generations import ListedGeneration
 from pga_me_ros.errors import PgaError, RequestError
 
 
@@ -68,3 +69,17 @@ def read_actor(response: GetActor.Response) -> Actor:
     if not response.found:
         raise ActorNotFoundError(response.message)
     return Actor.from_response(response)
+
+
+def read_generations(
+    response: ListGenerations.Response,
+) -> tuple[int, tuple[ListedGeneration, ...]]:
+    """Return the number of generations of the run, and the page in a response.
+
+    Raises:
+        RequestError: The request was refused.
+        NetworkError: The response is malformed.
+    """
+    if not response.ok:
+        raise RequestError(response.message)
+    return response.total, ListedGeneration.from_response(response)

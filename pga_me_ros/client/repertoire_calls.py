@@ -6,11 +6,24 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any
 
-from pga_me_msgs.srv import GetActor, GetBehavior, GetBehaviors, GetInfo, ListBehaviors
+from pga_me_msgs.srv import (
+    GetActor,
+    GetBehavior,
+    GetBehaviors,
+    GetInfo,
+    ListBehaviors,
+    ListGenerations,
+)
 from rclpy.client import Client
 from rclpy.node import Node
 
-from pga_me_ros.client.answers import read_actor, read_behavior, read_behaviors, read_list
+from pga_me_ros.client.answers import (
+    read_actor,
+    read_behavior,
+    read_behaviors,
+    read_generations,
+    read_list,
+)
 from pga_me_ros.client.behaviors import RepertoireInfo
 from pga_me_ros.client.own_server import OwnServer
 from pga_me_ros.client.patient_caller import PatientCaller, PendingCall
@@ -18,6 +31,7 @@ from pga_me_ros.client.requests import (
     behavior_request,
     behaviors_request,
     check_timeout,
+    generations_request,
     list_request,
 )
 from pga_me_ros.ros import names, qos
@@ -42,6 +56,7 @@ class RepertoireCalls:
         self._behavior = self._client(GetBehavior, names.GET_BEHAVIOR)
         self._behaviors = self._client(GetBehaviors, names.GET_BEHAVIORS)
         self._list = self._client(ListBehaviors, names.LIST_BEHAVIORS)
+        self._generations = self._client(ListGenerations, names.LIST_GENERATIONS)
         self._info = self._client(GetInfo, names.GET_INFO)
         self._actor = self._client(GetActor, names.GET_ACTOR)
 
@@ -78,6 +93,11 @@ class RepertoireCalls:
         request = list_request(offset, most, **limits)
         return self._start(self._list, request, read_list, timeout)
 
+    def generations(self, first: int, most: int, timeout: float | None) -> PendingCall:
+        """Ask for a page of generations; arguments as in `RepertoireClient.list_generations`."""
+        request = generations_request(first, most)
+        return self._start(self._generations, request, read_generations, timeout)
+
     def info(self, timeout: float | None) -> PendingCall:
         """Ask for the description of the repertoire."""
         return self._start(self._info, GetInfo.Request(), RepertoireInfo.from_response, timeout)
@@ -89,7 +109,10 @@ class RepertoireCalls:
     def close(self) -> None:
         """Destroy the service clients; only while the node is not spun."""
         self._caller.close()
-        for client in (self._behavior, self._behaviors, self._list, self._info, self._actor):
+        for client in (
+            *(self._behavior, self._behaviors, self._list),
+            *(self._generations, self._info, self._actor),
+        ):
             self._node.destroy_client(client)
 
     def _client(self, srv_type: Any, name: str) -> Client:

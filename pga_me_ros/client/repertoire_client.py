@@ -23,6 +23,7 @@ from pga_me_ros.client.behaviors import (
     ListedBehavior,
     RepertoireInfo,
 )
+from pga_me_ros.client.generations import ListedGeneration
 from pga_me_ros.client.own_server import OwnServer
 from pga_me_ros.client.repertoire_calls import RepertoireCalls
 from pga_me_ros.client.requests import check_timeout
@@ -33,6 +34,9 @@ TIMEOUT = 10.0
 
 PAGE = 500
 """Behaviors per answer while listing."""
+
+GENERATIONS_PAGE = 200
+"""Generations per answer while listing: few enough that a run never waits for its archive manager."""
 
 
 class RepertoireClient:
@@ -244,6 +248,30 @@ class RepertoireClient:
             Future of the number of behaviors that match, and the page as a tuple of `ListedBehavior`.
         """
         return self._calls.page(offset, limit, timeout, limits).future
+
+    def list_generations(
+        self, first: int = 0, *, page: int = GENERATIONS_PAGE, timeout: float | None = None
+    ) -> Iterator[ListedGeneration]:
+        """Yield what the run had achieved after each of its generations, the earliest first.
+
+        Requests one page at a time, on demand.
+
+        Args:
+            first: Number of the first generation.
+            page: Generations per response, 1 to 1000.
+            timeout: Seconds after which the call for a page fails, None for the client's default.
+
+        Raises:
+            RequestError: The arguments are invalid, or the repertoire refuses them.
+            RepertoireTimeoutError: As in `get_behavior`.
+            BlockedExecutorError: As in `get_behavior`.
+        """
+        while True:
+            total, generations = self._calls.result(self._calls.generations(first, page, timeout))
+            yield from generations
+            first += page
+            if first >= total:
+                return
 
     def get_info(self, *, timeout: float | None = None) -> RepertoireInfo:
         """Return the description of the repertoire and its progress.

@@ -6,7 +6,7 @@ import array
 from collections.abc import Sequence
 from typing import Any
 
-from pga_me_msgs.srv import GetBehavior, GetBehaviors, ListBehaviors
+from pga_me_msgs.srv import GetBehavior, GetBehaviors, ListBehaviors, ListGenerations
 
 from pga_me_ros.arguments import number, numbers, whole_number
 from pga_me_ros.errors import RequestError
@@ -82,6 +82,17 @@ def list_request(offset: int, most: int, **limits: Any) -> ListBehaviors.Request
     )
     limit(request, **limits)
     return request
+
+
+def generations_request(first: int, most: int) -> ListGenerations.Request:
+    """Return the request for a page of generations; arguments as in `RepertoireClient.list_generations`.
+
+    Raises:
+        RequestError: An argument is not a number.
+    """
+    return ListGenerations.Request(
+        first=whole_number("first", first), limit=whole_number("page", most)
+    )
 
 
 def limit(

@@ -25,10 +25,17 @@ from pga_me_ros.tasks.registry import randomization_option
 MOTIONS = 64
 """Default number of gaits of a run whose motion is in the file."""
 
+HOST = "127.0.0.1"
+"""Default address of the live page, which only this machine reaches."""
+
 PORT = 8460
 """Default port of the live page."""
 
 ROS_ARGS = "--ros-args"
+
+OF_THE_FILE = ("motions", "seed", "randomization")
+OF_THE_PAGE = ("host", "port", "control", "token")
+"""Options that only one of both has a use for."""
 
 UNSEEN = 1
 """Default seed of the start that no evaluation had: those of a run are drawn in another way."""
@@ -61,23 +68,40 @@ def explore(options: argparse.Namespace, ros_args: Sequence[str] = ()) -> None:
             written.
     """
     require_web()
+    _require_use(options)
     if options.html is None:
         _serve(options, ros_args)
-    elif not options.runs:
-        raise RequestError("--html writes a stored run; give its folder.")
+    elif options.graph or not options.runs:
+        raise RequestError("--html writes stored runs only; give their folders, and no --graph.")
     else:
         _write(options)
+
+
+def _require_use(options: argparse.Namespace) -> None:
+    """Refuse options that the page, or the file, has no use for.
+
+    Raises:
+        RequestError: There is one.
+    """
+    useless = OF_THE_FILE if options.html is None else OF_THE_PAGE
+    for name in useless:
+        given = getattr(options, name)
+        if given is not None and given is not False:
+            where = "only with --html" if options.html is None else "not with --html"
+            raise RequestError(f"--{name} has a meaning {where}; leave it out.")
 
 
 def _write(options: argparse.Namespace) -> None:
     out = _checked(options.html)
     runs = [StoredRun.load(path) for path in options.runs]
-    starts = [EpisodeStart(), EpisodeStart(options.seed)]
+    seed = UNSEEN if options.seed is None else options.seed
+    motions = MOTIONS if options.motions is None else options.motions
+    starts = [EpisodeStart(), EpisodeStart(seed)]
     if options.randomization:
         randomization_option(runs[0].settings.task, options.randomization)
-        starts.append(EpisodeStart(options.seed, options.randomization))
+        starts.append(EpisodeStart(seed, options.randomization))
     shown = [
-        _recorded(run, str(path), options.motions, tuple(starts))
+        _recorded(run, str(path), motions, tuple(starts))
         for run, path in zip(runs, options.runs, strict=True)
     ]
     title = " and ".join(dict.fromkeys(run.name for run in runs))
@@ -89,14 +113,26 @@ def _serve(options: argparse.Namespace, ros_args: Sequence[str]) -> None:
     from pga_me_ros.explorer.live import access_for, serve
 
     sources: list[Source] = [StoredSource(path, str(path)) for path in options.runs]
-    if not sources:
-        from pga_me_ros.explorer.graph_source import GraphSource
+    if options.graph or not sources:
+        from pga_me_ros.explorer.graph_source import open_graphs
 
-        sources.append(GraphSource(ros_args))
+        sources += open_graphs(options.graph, ros_args)
+    elif ros_args:
+        raise RequestError(
+            f"'{' '.join(ros_args)}' is for a graph, but only stored runs are named; add --graph NAMESPACE or leave it "
+            "out."
+        )
     try:
         title = " and ".join(dict.fromkeys(s.content["run"]["name"] for s in sources))
-        access = access_for(options.host, control=options.control, token=options.token)
-        serve(sources, options.host, options.port, access, title)
+        host = options.host or HOST
+        port = PORT if options.port is None else options.port
+        serve(
+            sources,
+            host,
+            port,
+            access_for(host, control=options.control, token=options.token),
+            title,
+        )
     finally:
         for source in sources:
             source.close()
@@ -153,6 +189,13 @@ def _parser() -> argparse.ArgumentParser:
         help="folder of a run, its repertoire file, or zoo/NAME; two beside each other; none for the running graph",
     )
     parser.add_argument(
+        "--graph",
+        action="append",
+        default=[],
+        metavar="NAMESPACE",
+        help="show the graph of a namespace, / for that without one; may be given twice, or beside a RUN",
+    )
+    parser.add_argument(
         "--html",
         type=user_path,
         metavar="FILE",
@@ -161,27 +204,24 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--motions",
         type=_not_negative,
-        default=MOTIONS,
         metavar="N",
         help=f"gaits of each run that can be played, those that differ most ({MOTIONS})",
     )
     parser.add_argument(
         "--seed",
         type=_not_negative,
-        default=UNSEEN,
         metavar="N",
         help=f"seed of a start that the run has not seen ({UNSEEN})",
     )
     parser.add_argument(
         "--randomization",
-        default="",
         metavar="TEXT",
         help="also play each gait in a randomized world, for example 'mass 0.8 1.2, friction 0.6 1.2'",
     )
     parser.add_argument(
-        "--host", default="127.0.0.1", help="address to serve on (127.0.0.1: this machine only)"
+        "--host", help=f"address to serve on ({HOST}, which only this machine reaches)"
     )
-    parser.add_argument("--port", type=int, default=PORT, help=f"port to serve on ({PORT})")
+    parser.add_argument("--port", type=int, help=f"port to serve on ({PORT})")
     parser.add_argument(
         "--control",
         action="store_true",

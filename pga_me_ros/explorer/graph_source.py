@@ -5,74 +5,95 @@ from __future__ import annotations
 import sys
 import threading
 import time
-from collections import deque
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
 import rclpy
-from diagnostic_msgs.msg import DiagnosticArray
-from pga_me_msgs.msg import Metrics, Progress
-from rcl_interfaces.msg import Log
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
-from rclpy.qos import QoSProfile
 from rclpy.signals import SignalHandlerOptions
 
 from pga_me_ros.client import RepertoireClient, RepertoireInfo
 from pga_me_ros.core.operators import OPERATORS, Operator
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.errors import PgaError, RequestError
-from pga_me_ros.explorer.description import describe_cells, describe_elites, describe_spec, plain
+from pga_me_ros.explorer.description import describe_cells, describe_elites, describe_spec
+from pga_me_ros.explorer.history import History
+from pga_me_ros.explorer.run_watch import RunWatch
 from pga_me_ros.explorer.served_archive import served_archive, spec_of
 from pga_me_ros.explorer.steering import ACTIONS, Steering
 from pga_me_ros.player.gait import Gait
-from pga_me_ros.ros import names, qos
 from pga_me_ros.ros.command_line import Program, start
+from pga_me_ros.ros.node_names import require_valid_namespace
 
 PROGRAM = Program("explorer", "Shows a repertoire in the browser.", ())
-
-LOG_LINES = 60
-"""Last lines of the log that the page shows."""
 
 SILENT_AFTER = 5.0
 """Seconds without word from the orchestrator after which the page says so; it speaks once a second."""
 
-CURVES = ("generation", "evaluations", "coverage", "qd_score", "max_fitness", "mean_fitness")
+PAUSE = 40.0
+"""After behaviors were fetched, none are fetched for this many times as long: the archive manager has other work."""
+
+
+def open_graphs(namespaces: Sequence[str], ros_args: Sequence[str]) -> list[GraphSource]:
+    """Return what the graphs of some namespaces serve.
+
+    Args:
+        namespaces: Namespaces, each with a run or an archive manager; empty for the one of the ROS arguments.
+        ros_args: ``--ros-args`` and what follows.
+
+    Raises:
+        SettingsError: A namespace or an argument is invalid.
+        RepertoireTimeoutError: Nobody serves a repertoire there.
+        PgaError: It holds no behavior yet.
+    """
+    for namespace in namespaces:
+        require_valid_namespace(namespace, "--graph ")
+    if len(set(namespaces)) < len(namespaces):
+        raise RequestError("--graph names a namespace twice; give each once.")
+    start(PROGRAM, list(ros_args), signal_handler_options=SignalHandlerOptions.NO)
+    opened: list[GraphSource] = []
+    try:
+        for namespace in namespaces or [""]:
+            opened.append(GraphSource(namespace))
+    except BaseException:
+        for source in opened:
+            source.close()
+        rclpy.try_shutdown()
+        raise
+    return opened
 
 
 class GraphSource:
     """The repertoire that a graph serves.
 
     Args:
-        ros_args: ``--ros-args`` and what follows, for example a namespace.
+        namespace: Its namespace, empty for the one of the ROS arguments. ROS 2 is initialized.
 
     Raises:
         RepertoireTimeoutError: Nobody serves one.
-        PgaError: It holds no behavior yet, or the arguments are wrong.
+        RequestError: The ROS arguments name another namespace.
+        PgaError: It holds no behavior yet.
     """
 
-    def __init__(self, ros_args: Sequence[str]) -> None:
-        start(PROGRAM, list(ros_args), signal_handler_options=SignalHandlerOptions.NO)
-        self._node = rclpy.create_node(PROGRAM.name)
+    def __init__(self, namespace: str) -> None:
+        self._node = rclpy.create_node(PROGRAM.name, namespace=namespace or None)
         self._client = RepertoireClient(self._node)
         self._steering = Steering(self._node)
-        self._lock = threading.Lock()
-        self._progress: dict[str, Any] | None = None
-        self._heard = 0.0
-        self._curves: dict[str, list[Any]] = {name: [] for name in CURVES}
-        self._nodes: dict[str, dict[str, str]] = {}
-        self._log: deque[str] = deque(maxlen=LOG_LINES)
+        self._watch = RunWatch(self._node)
+        self._history = History()
         self.version = 0
         self.problem = ""
-        self._subscribe()
         self._spinning = threading.Thread(target=self._spin, daemon=True)
         self._spinning.start()
         try:
+            self._require_namespace(namespace)
             info = self._first_generation()
+            self._run_id = info.run_id
             self.settings = Settings.from_stored(info.settings)
             self._spec, self._known_task = spec_of(info, self.settings)
             self.content: dict[str, Any] = {}
-            self._shown = (info.generation, 0)
+            self._shown = (info.generation, info.corrected_repeats)
+            self._next_read = 0.0
             self._read()
         except BaseException:
             self.close()
@@ -82,14 +103,10 @@ class GraphSource:
         """See `Source`; behaviors are fetched when a generation or re-evaluations have come in."""
         try:
             info = self._client.get_info()
-            silent = time.monotonic() - self._heard
-            self.problem = ""
-            if info.growing and self._heard and silent > SILENT_AFTER:
-                self.problem = (
-                    f"No message from the run for {silent:.0f} s; the page shows its last state."
-                )
+            self.problem = self._trouble(info)
             now = (info.generation, info.corrected_repeats)
-            if now != self._shown:
+            due = time.monotonic() >= self._next_read or not info.growing
+            if now != self._shown and due and info.run_id == self._run_id:
                 self._read()
                 self._shown = now
         except PgaError as error:
@@ -97,14 +114,11 @@ class GraphSource:
 
     def state(self) -> dict[str, Any] | None:
         """See `Source`."""
-        with self._lock:
-            return {
-                "progress": self._progress,
-                "nodes": [{"node": name, **values} for name, values in sorted(self._nodes.items())],
-                "log": list(self._log),
-                "rates": self._steering.rates,
-                "actions": list(ACTIONS),
-            }
+        return {
+            **self._watch.state(),
+            "rates": self._steering.rates,
+            "actions": list(ACTIONS),
+        }
 
     def gait(self, cell: int) -> Gait:
         """See `Source`."""
@@ -124,6 +138,22 @@ class GraphSource:
         self._spinning.join(5.0)
         self._node.destroy_node()
 
+    def _require_namespace(self, namespace: str) -> None:
+        """Make sure that no remapping has put the node elsewhere."""
+        found = self._node.get_namespace()
+        if namespace and found != namespace:
+            raise RequestError(
+                f"--graph says {namespace}, but the ROS arguments put the node into {found}; give only one."
+            )
+
+    def _trouble(self, info: RepertoireInfo) -> str:
+        """Return what is wrong with the graph, in words for the page."""
+        if info.run_id != self._run_id:
+            return "The graph serves another run now; restart the explorer to see it. The page shows the one before."
+        if info.growing and self._watch.silent > SILENT_AFTER:
+            return f"No message from the run for {self._watch.silent:.0f} s; the page shows its last state."
+        return ""
+
     def _first_generation(self) -> RepertoireInfo:
         """Return what the repertoire is, once it holds a behavior or no run adds to it."""
         info = self._client.get_info()
@@ -140,18 +170,21 @@ class GraphSource:
         Raises:
             RequestError: There is none yet.
         """
+        began = time.monotonic()
         info = self._client.get_info()
         behaviors = list(self._client.list_behaviors(page=10_000)) if info.coverage else []
         if not behaviors:
             raise RequestError(
                 "The repertoire that is served holds no behavior; serve another, or run its run for longer."
             )
+        self._history.extend(self._client.list_generations(self._history.first_wanted))
+        self._next_read = time.monotonic() + PAUSE * (time.monotonic() - began)
         archive, known = served_archive(self._spec, self.settings, behaviors)
-        with self._lock:
-            curves = {name: list(values) for name, values in self._curves.items()}
+        namespace = self._node.get_namespace()
         self.content = {
             "run": {
-                "name": info.task,
+                "name": info.task if namespace == "/" else f"{info.task} of {namespace}",
+                "namespace": namespace,
                 "task": info.task,
                 "algorithm": self.settings.algorithm,
                 "seed": self.settings.seed,
@@ -164,22 +197,10 @@ class GraphSource:
             "archive": describe_cells(archive),
             "elites": describe_elites(archive, known),
             "operators": {operator.label: OPERATORS[operator].title for operator in Operator},
-            "curves": curves,
-            "contributions": _made(archive),
-            "corrected": None,
-            "measured": [],
+            **self._history.described(),
             "served": True,
         }
         self.version += 1
-
-    def _subscribe(self) -> None:
-        node = self._node
-        node.create_subscription(Progress, names.PROGRESS, self._on_progress, qos.LATCHED)
-        node.create_subscription(Metrics, names.METRICS, self._on_metrics, qos.LATCHED)
-        node.create_subscription(
-            DiagnosticArray, names.DIAGNOSTICS, self._on_diagnostics, qos.DIAGNOSTICS
-        )
-        node.create_subscription(Log, "/rosout", self._on_log, QoSProfile(depth=100))
 
     def _spin(self) -> None:
         executor = SingleThreadedExecutor()
@@ -191,47 +212,3 @@ class GraphSource:
             pass
         finally:
             executor.shutdown()
-
-    def _on_progress(self, msg: Progress) -> None:
-        shown = {
-            name: getattr(msg, name)
-            for name in (
-                *("state", "generation", "generations", "evaluations", "budget", "rate", "eta"),
-                *("coverage", "cells", "qd_score", "max_fitness", "evaluators", "restarts"),
-                *("final_reevaluations", "final_budget"),
-            )
-        }
-        with self._lock:
-            self._progress, self._heard = plain(shown), time.monotonic()
-
-    def _on_metrics(self, msg: Metrics) -> None:
-        with self._lock:
-            if self._curves["generation"] and msg.generation <= self._curves["generation"][-1]:
-                return
-            for name in CURVES:
-                self._curves[name].append(plain(getattr(msg, name)))
-
-    def _on_diagnostics(self, msg: DiagnosticArray) -> None:
-        with self._lock:
-            for status in msg.status:
-                values = {pair.key: pair.value for pair in status.values}
-                self._nodes[status.name] = {"says": status.message, **values}
-
-    def _on_log(self, msg: Log) -> None:
-        with self._lock:
-            self._log.append(f"{msg.name}: {msg.msg}")
-
-
-def _made(archive: Any) -> list[dict[str, Any]]:
-    """Return how many of the elites each operator made; what it offered is not told by the services."""
-    codes, counts = np.unique(archive.operators[archive.filled], return_counts=True)
-    return [
-        {
-            "operator": Operator(code).label,
-            "offspring": None,
-            "new_elites": None,
-            "improved_elites": None,
-            "elites": count,
-        }
-        for code, count in zip(codes.tolist(), counts.tolist(), strict=True)
-    ]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 import secrets
+import traceback
 from collections.abc import AsyncIterator, Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import asynccontextmanager
@@ -33,6 +34,9 @@ from pga_me_ros.explorer.source import FORMATS, Source
 
 LOOK_EVERY = 1.0
 """Seconds between two looks at the sources, while a page is open."""
+
+PATIENCE = 30.0
+"""Seconds after which a page that takes no news, as on a computer that sleeps, no longer counts as open."""
 
 COOKIE = "explorer_token"
 MARK = b"x-explorer"
@@ -114,6 +118,7 @@ class Server:
         self._simulating = ThreadPoolExecutor(1, "simulating")
         self._looking = ThreadPoolExecutor(1, "looking")
         self.watched = 0
+        self._last_taken = 0.0
         self.app = Starlette(
             routes=[
                 Route("/", self._page),
@@ -142,9 +147,9 @@ class Server:
         """Look at the sources again and again while a page is open; nobody pays for a page that is closed."""
         loop = asyncio.get_running_loop()
         while True:
-            if self.watched:
+            if self.watched and loop.time() - self._last_taken < PATIENCE:
                 for source in self._sources:
-                    await loop.run_in_executor(self._looking, source.refresh)
+                    await loop.run_in_executor(self._looking, _refresh, source)
             await asyncio.sleep(LOOK_EVERY)
 
     def _content(self, run: int) -> dict[str, Any]:
@@ -230,6 +235,7 @@ class Server:
         told, quiet = "", 0
         try:
             while not self._is_ending():
+                self._last_taken = asyncio.get_running_loop().time()
                 news = json.dumps(
                     [
                         {"version": s.version, "problem": s.problem, "state": s.state()}
@@ -245,6 +251,15 @@ class Server:
                 await asyncio.sleep(LOOK_EVERY / 2)
         finally:
             self.watched -= 1
+
+
+def _refresh(source: Source) -> None:
+    """Look at a source; a fault in that is told by the page, too, which would otherwise seem to be up to date."""
+    try:
+        source.refresh()
+    except Exception as error:
+        traceback.print_exc()
+        source.problem = f"The explorer has a fault ({error!r}); the page shows its last state."
 
 
 async def _told(_: Request, error: Exception) -> Response:

@@ -97,7 +97,7 @@ class ArchiveManager(GraphNode):
         self._metrics_topic = self.create_publisher(MetricsMsg, names.METRICS, qos.LATCHED)
         dimensions = self._archive.dimensions
         self._pictures = ArchivePictures(self, self._archive)
-        self._readers = RepertoireServices(self, self._info, self._archive, self._grow, path)
+        self._readers = RepertoireServices(self, self._file, self._archive, self._grow)
         if self._grow:
             self._table.rebuild(generations, stored_measures(path, self._info.run_id, dimensions))
             self._elites_topic = self.create_publisher(Elites, names.ELITES, qos.ELITES)
@@ -315,7 +315,8 @@ class ArchiveManager(GraphNode):
 
 PROGRAM = Program(
     "archive_manager",
-    "Serves a repertoire file: /repertoire/get_behavior, get_behaviors, list_behaviors, get_info and get_actor.",
+    "Serves a repertoire file: /repertoire/get_behavior, get_behaviors, list_behaviors, list_generations, get_info and "
+    "get_actor.",
     (ArchiveManagerSettings,),
 )
 

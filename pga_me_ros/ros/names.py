@@ -5,6 +5,7 @@ from __future__ import annotations
 GET_BEHAVIOR = "repertoire/get_behavior"
 GET_BEHAVIORS = "repertoire/get_behaviors"
 LIST_BEHAVIORS = "repertoire/list_behaviors"
+LIST_GENERATIONS = "repertoire/list_generations"
 GET_INFO = "repertoire/get_info"
 GET_ACTOR = "repertoire/get_actor"
 METRICS = "repertoire/metrics"

@@ -28,18 +28,36 @@ def require_valid_name(rule: str) -> None:
     if not found:
         return
     kind, name = found.groups()
-    parts = [
-        re.sub(r"_+", "_", re.sub(r"\W", "_", p, flags=re.ASCII)) for p in name.split("/") if p
-    ]
-    parts = [f"_{part}" if part[0].isdigit() else part for part in parts]
+    parts = _valid_parts(name)
     if kind == "ns":
-        valid = "/" + "/".join(parts)
-        if name != valid:
-            raise SettingsError(f"Namespace '{name}' {_fault(name)}; expected -r __ns:={valid}")
+        require_valid_namespace(name, "-r __ns:=")
     elif [name] != parts:
         valid = "_".join(parts) or "NAME"
         fault = _fault(f"/{name}") if "/" not in name and name else "is no single name"
         raise SettingsError(f"Node name '{name}' {fault}; expected -r __{kind}:={valid}")
+
+
+def require_valid_namespace(name: str, option: str) -> None:
+    """Refuse a namespace that ROS 2 does not allow.
+
+    Args:
+        name: The namespace; ``/`` is that without a name.
+        option: What it is given with, for the message.
+
+    Raises:
+        SettingsError: It is invalid; the message has a valid one.
+    """
+    valid = "/" + "/".join(_valid_parts(name))
+    if name != valid:
+        raise SettingsError(f"Namespace '{name}' {_fault(name)}; expected {option}{valid}")
+
+
+def _valid_parts(name: str) -> list[str]:
+    """Return the parts between slashes with everything replaced that ROS 2 does not allow."""
+    parts = [
+        re.sub(r"_+", "_", re.sub(r"\W", "_", p, flags=re.ASCII)) for p in name.split("/") if p
+    ]
+    return [f"_{part}" if part[0].isdigit() else part for part in parts]
 
 
 def _fault(namespace: str) -> str:

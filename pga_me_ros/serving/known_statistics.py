@@ -65,6 +65,13 @@ class KnownStatistics:
         except StorageError:  # reported by `of`, to requests for behaviors
             return None
 
+    def stored_measures(self) -> dict[int, CorrectedMetrics]:
+        """Return the corrected metrics that are stored, by generation; none if they cannot be read."""
+        try:
+            return {m.generation: m.corrected for m in self._rows().measured}
+        except StorageError:  # reported by `of`, to requests for behaviors
+            return {}
+
     def changed(self) -> bool:
         """Whether the file of re-evaluations has changed since it was last read."""
         return self._signature is not None and self._signature != self._look()

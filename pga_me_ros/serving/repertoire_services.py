@@ -1,4 +1,4 @@
-"""The services of a repertoire for other robot nodes: get_behavior, get_behaviors, list_behaviors, get_info.
+"""The services of a repertoire for other nodes: to choose and list behaviors, to list generations, and get_info.
 
 `ActorService` adds get_actor.
 """
@@ -6,25 +6,25 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 
 import numpy as np
 from pga_me_msgs.msg import Behavior as BehaviorMsg
 from pga_me_msgs.msg import Metrics as MetricsMsg
-from pga_me_msgs.srv import GetBehavior, GetBehaviors, GetInfo, ListBehaviors
+from pga_me_msgs.srv import GetBehavior, GetBehaviors, GetInfo, ListBehaviors, ListGenerations
 
 from pga_me_ros.core.archive.archive import Archive
 from pga_me_ros.core.archive.choosing import Choices, Judging, NotFoundError
 from pga_me_ros.core.archive.corrected import CorrectedMetrics
 from pga_me_ros.core.archive.statistics import Statistics
 from pga_me_ros.core.networks.mlp import MlpShape
-from pga_me_ros.core.storage.run_info import RunInfo
+from pga_me_ros.core.storage.repertoire import Repertoire
 from pga_me_ros.errors import RequestError, StorageError
 from pga_me_ros.ros import names, qos
 from pga_me_ros.ros.convert import behavior_to_msg, controller_to_msg, flat
 from pga_me_ros.ros.graph_node import GraphNode
 from pga_me_ros.serving.actor_service import ActorService
 from pga_me_ros.serving.asked_for import demands_of, farthest, require_one_way
+from pga_me_ros.serving.generations import list_generations
 from pga_me_ros.serving.known_statistics import KnownStatistics
 from pga_me_ros.tasks.spec import TaskSpec
 
@@ -40,27 +40,25 @@ class RepertoireServices:
 
     Args:
         node: Node that offers them.
-        info: Description of the run in the repertoire file.
+        file: The repertoire file, open.
         archive: The archive; set the attribute when another object replaces it.
         grow: Whether it was opened for a run that adds to it.
-        path: The repertoire file.
 
     Attributes:
         growing: Whether the run still adds to it, for get_info; set it to False when the run ends.
         metrics: Latest metrics, for get_info; set them when the archive changes.
     """
 
-    def __init__(
-        self, node: GraphNode, info: RunInfo, archive: Archive, grow: bool, path: Path
-    ) -> None:
+    def __init__(self, node: GraphNode, file: Repertoire, archive: Archive, grow: bool) -> None:
         self.archive = archive
         self._node = node
-        self._info = info
+        self._file = file
+        self._info = info = file.info
         self._grow = self.growing = grow
-        self._known = KnownStatistics(path, info.run_id, archive.dimensions)
+        self._known = KnownStatistics(file.path, info.run_id, archive.dimensions)
         self._spec = TaskSpec.from_json(info.task)
         self._shape = MlpShape(tuple(info.layer_sizes))
-        self._actor = ActorService(node, info, self._spec, path)
+        self._actor = ActorService(node, info, self._spec, file.path)
         self.metrics = MetricsMsg()
         # Random choices for robots are not part of the run, so they need not be repeatable.
         self._any = np.random.default_rng()
@@ -68,6 +66,7 @@ class RepertoireServices:
         node.serve(GetBehavior, names.GET_BEHAVIOR, self._get_behavior, "found", many)
         node.serve(GetBehaviors, names.GET_BEHAVIORS, self._get_behaviors, "ok", many)
         node.serve(ListBehaviors, names.LIST_BEHAVIORS, self._list, "ok", many)
+        node.serve(ListGenerations, names.LIST_GENERATIONS, self._generations, "ok", many)
         node.create_service(GetInfo, names.GET_INFO, self._get_info, qos_profile=many)
 
     def measures(self, generation: int) -> CorrectedMetrics | None:
@@ -184,6 +183,17 @@ class RepertoireServices:
         page = fittest_first[request.offset : request.offset + request.limit]
         response.total = len(fittest_first)
         response.behaviors = [self._behavior(choices, cell) for cell in page.tolist()]
+        self._node.count_done()
+
+    def _generations(
+        self, request: ListGenerations.Request, response: ListGenerations.Response
+    ) -> None:
+        last = self.metrics.generation
+        corrected = self._known.stored_measures()
+        if measured := self.measures(last):
+            corrected[last] = measured
+        list_generations(self._file, self.archive.cells, corrected, request, response)
+        response.total = last + 1
         self._node.count_done()
 
     def _get_info(self, _: GetInfo.Request, response: GetInfo.Response) -> GetInfo.Response:

@@ -3,22 +3,31 @@
 from __future__ import annotations
 
 import base64
+import dataclasses
 import json
 import re
 from pathlib import Path
 
 import numpy as np
 import pytest
+from pga_me_msgs.srv import GetInfo, ListGenerations
 
+from pga_me_ros.client import ListedGeneration, RepertoireInfo
 from pga_me_ros.core.evaluation import evaluation_rng
+from pga_me_ros.core.settings import Settings
+from pga_me_ros.core.storage.repertoire import Repertoire
 from pga_me_ros.core.storage.stored_run import StoredRun
 from pga_me_ros.dependencies import WEB
+from pga_me_ros.errors import TaskError
 from pga_me_ros.explorer import page
 from pga_me_ros.explorer.__main__ import MOTIONS, main
 from pga_me_ros.explorer.description import describe
+from pga_me_ros.explorer.history import History
 from pga_me_ros.explorer.motion import LEVELS, EpisodeStart, describe_motion, pack, recorded
 from pga_me_ros.explorer.recorder import Recorder, chosen_cells
+from pga_me_ros.explorer.served_archive import served_archive, spec_of
 from pga_me_ros.player.watched_rollout import record
+from pga_me_ros.serving.generations import list_generations
 from pga_me_ros.tasks.registry import make_task
 
 ZOO = Path("zoo/qd_hopper")
@@ -45,6 +54,41 @@ def test_a_description_has_the_figures_of_every_elite(run: StoredRun) -> None:
         assert elites["fall_share"][row] == behavior.fall_share
         assert elites["parents"][row] == list(behavior.parents)
         assert elites["mean_cell"][row] == run.archive.cell_of(behavior.mean_descriptor[None])[0]
+
+
+@pytest.mark.parametrize("shipped", [True, False], ids=["re-evaluated", "as it grew"])
+def test_the_history_that_a_graph_tells_is_that_of_the_file(
+    hopper_run: Path, shipped: bool
+) -> None:
+    run = StoredRun.load(ZOO if shipped else hopper_run)
+    measured = {m.generation: m.corrected for m in run.reevaluations.measured}
+    history = History()
+    with Repertoire.open(run.file, read_only=True) as file:
+        for first in range(len(run.generations)):
+            response = ListGenerations.Response()
+            request = ListGenerations.Request(first=first, limit=2)  # some come twice
+            list_generations(file, run.archive.cells, measured, request, response)
+            history.extend(ListedGeneration.from_response(response))
+    stored, told = describe(run, "x"), history.described()
+    assert told["curves"] == stored["curves"]
+    assert told["contributions"] == stored["contributions"]
+    for mine, theirs in zip(told["measured"], stored["measured"], strict=True):
+        assert mine == {name: theirs[name] for name in mine}
+
+
+def test_a_served_task_that_is_unknown_here_has_its_cells() -> None:
+    response = GetInfo.Response(task="lane", archive="cvt", settings="{}", versions="{}")
+    response.descriptor_names = ["x", "y"]
+    response.descriptor_low, response.descriptor_high = [0.0, -1.0], [1.0, 2.0]
+    response.metrics.cells = 30
+    info = RepertoireInfo.from_response(response)
+    settings = Settings(task="nowhere:Lane", cells=30, cvt_samples=1000)
+    spec, known = spec_of(info, settings)
+    archive, _ = served_archive(spec, settings, [])
+    assert (known, archive.cells) == (False, 30)
+    assert archive.centroids.min(axis=0)[1] < 0.0 < 1.0 < archive.centroids.max(axis=0)[1]
+    with pytest.raises(TaskError, match="nowhere"):
+        spec_of(dataclasses.replace(info, archive="grid"), settings)
 
 
 def test_what_was_not_evaluated_again_is_null(hopper_run: Path) -> None:
@@ -129,6 +173,12 @@ def test_scripts_are_short_enough_to_read() -> None:
         (["--html", "page.txt"], "ends in .html"),
         (["--html", "nowhere/page.html"], "make it first"),
         (["--html", "page.html", "--randomization", "wind 1 2"], "KIND is one of"),
+        (["--html", "page.html", "--port", "0"], "--port has a meaning not with --html"),
+        (["--html", "page.html", "--graph", "/"], "--html writes stored runs only"),
+        (["--motions", "3"], "--motions has a meaning only with --html"),
+        (["--graph", "left"], "'left' does not begin with a slash; expected --graph /left"),
+        (["--graph", "/a", "--graph", "/a"], "a namespace twice"),
+        (["--ros-args", "-r", "__ns:=/left"], "only stored runs are named"),
     ],
 )
 def test_bad_arguments_are_told_in_one_line(

@@ -148,6 +148,9 @@ def test_a_gait_can_be_downloaded(page: Any, folder: Path, server: Server) -> No
     _, content = server.get(f"api/download/0/{cell}/npz")
     arrays = np.load(io.BytesIO(content))
     assert np.array_equal(arrays["parameters"][0], run.behavior(cell).parameters)
+    for kind in ("onnx", "torchscript"):
+        status, content = server.get(f"api/download/0/{cell}/{kind}")
+        assert (status, len(content) > 4 * run.behavior(cell).parameters.size) == (200, True)
     assert server.get(f"api/download/0/{cell}/exe")[0] == 400
 
 

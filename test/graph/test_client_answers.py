@@ -13,6 +13,7 @@ from std_msgs.msg import Float32MultiArray
 from stored import Served
 
 from pga_me_ros.client import BehaviorNotFoundError, RepertoireClient
+from pga_me_ros.core.storage.repertoire import Repertoire
 from pga_me_ros.errors import RequestError
 
 
@@ -60,6 +61,28 @@ def test_all_are_listed_page_by_page(repertoire: Served, client: RepertoireClien
 def test_a_page_that_is_too_long_is_refused(client: RepertoireClient) -> None:
     with pytest.raises(RequestError, match="limit 10001; expected offset from 0 on"):
         list(client.list_behaviors(page=10_001))
+
+
+def test_generations_are_listed_page_by_page(repertoire: Served, client: RepertoireClient) -> None:
+    listed = list(client.list_generations(page=1))
+    with Repertoire.open(repertoire.path, read_only=True) as file:
+        for found, stored in zip(listed, file.metrics(), strict=True):
+            for name in ("generation", "evaluations", "coverage", "qd_score", "steps"):
+                assert getattr(found, name) == getattr(stored, name)
+            assert found.offspring == {"random": 10}
+            assert sum(found.new_elites.values()) == sum(stored.new_elites)
+            assert sum(found.improved_elites.values()) == sum(stored.improved_elites)
+            assert found.corrected == {}
+    assert list(client.list_generations(1)) == listed[1:]
+    assert list(client.list_generations(7)) == []
+
+
+@pytest.mark.parametrize(("first", "page"), [(-1, 10), (0, 0), (0, 1001)])
+def test_generations_that_cannot_be_are_refused(
+    client: RepertoireClient, first: int, page: int
+) -> None:
+    with pytest.raises(RequestError, match=f"first is {first} and limit {page}; expected"):
+        list(client.list_generations(first, page=page))
 
 
 def test_info_describes_the_descriptor(client: RepertoireClient) -> None:

@@ -51,6 +51,8 @@ def test_it_is_served_by_its_name_without_training_torch_or_simulator(
     assert (info.metrics.corrected_repeats, info.metrics.corrected_fall_share) == (4, 0.25)
     assert info.metrics.corrected_coverage == info.metrics.coverage
     client = RepertoireClient(probe.node)
+    *_, last = client.list_generations()
+    assert last.corrected["qd_score"] == info.metrics.corrected_qd_score
     behavior = client.get_behavior(descriptor=[0.5, 0.5], max_fall_share=0.25)
     assert (behavior.repeats, behavior.by_mean, behavior.fall_share) == (4, True, 0.25)
     assert behavior.promised_fitness == pytest.approx(behavior.fitness + 1.5)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sqlite3
+from collections.abc import Sequence
 
 from pga_me_ros.core.archive.archive import Archive
 from pga_me_ros.core.archive.elites import Elite
@@ -39,6 +40,23 @@ def has_extremes(connection: sqlite3.Connection) -> bool:
     """Whether a file has these tables; older files do not."""
     query = "SELECT count(*) FROM sqlite_schema WHERE name IN ('extremes', 'bests')"
     return bool(connection.execute(query).fetchone()[0] == 2)
+
+
+def require_whole(metrics: Sequence[Metrics], first: int) -> None:
+    """Make sure that no generation is missing, nor its extremes.
+
+    Args:
+        metrics: Those that a file has, in order.
+        first: Number of the first generation.
+
+    Raises:
+        DamagedRow: One is missing.
+    """
+    if [m.generation for m in metrics] != list(range(first, first + len(metrics))):
+        raise DamagedRow("the row of a generation is missing")
+    known = [m.best_evaluation != UNKNOWN for m in metrics]
+    if known != sorted(known):  # every generation after the first that has them has them, too
+        raise DamagedRow("the row of extremes of a generation is missing")
 
 
 def store_extremes(connection: sqlite3.Connection, metrics: Metrics) -> None:

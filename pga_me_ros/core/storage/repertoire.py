@@ -12,7 +12,7 @@ from typing import Any
 from pga_me_ros.core.archive.archive import Archive
 from pga_me_ros.core.archive.depth import CellDepth, DepthChange
 from pga_me_ros.core.archive.elites import Elite
-from pga_me_ros.core.archive.metrics import UNKNOWN, Metrics
+from pga_me_ros.core.archive.metrics import Metrics
 from pga_me_ros.core.storage.database import (
     connect,
     create_file,
@@ -27,6 +27,7 @@ from pga_me_ros.core.storage.extremes import (
     OLDER_GENERATIONS,
     has_extremes,
     read_bests,
+    require_whole,
     store_extremes,
 )
 from pga_me_ros.core.storage.file_lock import FileLock
@@ -230,22 +231,21 @@ class Repertoire:
         with explained(self.path), transaction(self._connection, "DEFERRED"):
             return read_depth(self._connection, archive, depth, self.last_generation)
 
-    def generations(self) -> list[Generation]:
+    def generations(self, first: int = 0, limit: int | None = None) -> list[Generation]:
         """Return what is stored about each generation besides its elites, in order.
+
+        Args:
+            first: Number of the first one to return.
+            limit: Most to return, None for all.
 
         Raises:
             StorageError: A row is damaged or missing.
         """
         with explained(self.path):
-            query = f"{self._generations} ORDER BY generation"
-            rows = [row_to_generation(row) for row in self._connection.execute(query)]
-            if [row.metrics.generation for row in rows] != list(range(len(rows))):
-                raise DamagedRow("the row of a generation is missing")
-            known = [row.metrics.best_evaluation != UNKNOWN for row in rows]
-            if known != sorted(
-                known
-            ):  # every generation after the first that has them has them, too
-                raise DamagedRow("the row of extremes of a generation is missing")
+            query = f"{self._generations} WHERE generation >= ? ORDER BY generation LIMIT ?"
+            found = self._connection.execute(query, (first, -1 if limit is None else limit))
+            rows = [row_to_generation(row) for row in found]
+            require_whole([row.metrics for row in rows], first)
         return rows
 
     def bests(self) -> list[Elite]:

@@ -48,16 +48,12 @@ const Curves = (() => {
   }
 
   function contributions(run) {
-    if (run.served) {
-      const made = run.contributions.map((c) => [run.operators[c.operator] || c.operator, Numbers.text(c.elites)]);
-      return table(`What made the gaits in the archive${of(run, "of")}`, ["operator", "gaits"], made);
-    }
     const rows = run.contributions.map((c) => [
       run.operators[c.operator] || c.operator,
       ...["offspring", "new_elites", "improved_elites"].map((key) => Numbers.text(c[key])),
       Numbers.percent((c.new_elites + c.improved_elites) / c.offspring),
     ]);
-    return table(`What each operator contributed${of(run)} in ${run.curves.generation.length} stored generations`, ["operator", "offspring", "new cells", "improved", "entered"], rows);
+    return table(`What each operator contributed${of(run)} in ${run.curves.generation.length} stored generation${run.curves.generation.length === 1 ? "" : "s"}`, ["operator", "offspring", "new cells", "improved", "entered"], rows);
   }
 
   const of = (run, word = "to") => (Store.state.runs.length > 1 ? ` ${word} ${run.caption}` : "");
@@ -69,8 +65,10 @@ const Curves = (() => {
   ];
 
   function corrected(run) {
-    if (!run.corrected && run.served) return Page.make("p", { class: "hint" }, "The curves begin when this explorer was started.");
-    if (!run.corrected) return Page.make("p", { class: "hint" }, `Not all gaits${of(run, "of")} were re-evaluated: ros2 run pga_me_ros reevaluate ${Commands.word(run.run.name)}`);
+    if (!run.corrected) {
+      const how = run.served ? "a run does that at its end, or ros2 run pga_me_ros reevaluate RUN_DIR later" : `ros2 run pga_me_ros reevaluate ${Commands.word(run.run.name)}`;
+      return Page.make("p", { class: "hint" }, `Not all gaits${of(run, "of")} were re-evaluated: ${how}.`);
+    }
     const rows = CORRECTED.map(([key, title]) => [title, key === "fall_share" ? Numbers.percent(run.corrected[key]) : Numbers.text(run.corrected[key])]);
     return table(`What the gaits${of(run, "of")} are worth on average`, ["measure", "value"], rows);
   }

@@ -1,17 +1,20 @@
 "use strict";
 // Commands that fetch a gait from a served repertoire, or run it.
 const Commands = {
-  service: (elite) =>
-    `ros2 service call /repertoire/get_behavior pga_me_msgs/srv/GetBehavior "{select: 1, cell: ${elite.cell}}"`,
+  // The namespace of a graph; that of a stored run is the one in which the user serves it.
+  at: (run) => (run.run.namespace || "").replace(/^\/$/, ""),
 
-  python: (elite) =>
+  service: (run, elite) =>
+    `ros2 service call ${Commands.at(run)}/repertoire/get_behavior pga_me_msgs/srv/GetBehavior "{select: 1, cell: ${elite.cell}}"`,
+
+  python: (run, elite) =>
     [
       "import rclpy",
       "from pga_me_ros.client import RepertoireClient",
       "",
       "rclpy.init()",
       'node = rclpy.create_node("robot")',
-      `behavior = RepertoireClient(node).get_behavior(cell=${elite.cell})`,
+      `behavior = RepertoireClient(node${Commands.at(run) && `, "${Commands.at(run)}"`}).get_behavior(cell=${elite.cell})`,
       "print(behavior.promised_fitness, behavior.promised_descriptor)",
       "action = behavior.controller(observation)  # every behavior.controller.control_period seconds",
     ].join("\n"),
@@ -23,15 +26,18 @@ const Commands = {
     const parts = [];
     if (limits.fitness !== null) parts.push(`min_fitness: ${Numbers.exact([limits.fitness]).slice(1, -1)}`);
     if (limits.falls !== null) parts.push(`max_fall_share: ${Numbers.exact([limits.falls]).slice(1, -1)}`);
-    if (!limits.descriptor) return `ros2 service call /repertoire/list_behaviors pga_me_msgs/srv/ListBehaviors "{${parts.join(", ")}}"`;
+    if (!limits.descriptor) return `ros2 service call ${Commands.at(run)}/repertoire/list_behaviors pga_me_msgs/srv/ListBehaviors "{${parts.join(", ")}}"`;
     parts.unshift(`descriptor: ${Numbers.exact(limits.descriptor)}`, `count: ${limits.count}`, "with_controllers: false");
-    return `ros2 service call /repertoire/get_behaviors pga_me_msgs/srv/GetBehaviors "{${parts.join(", ")}}"`;
+    return `ros2 service call ${Commands.at(run)}/repertoire/get_behaviors pga_me_msgs/srv/GetBehaviors "{${parts.join(", ")}}"`;
   },
 
   export: (run, elite, kind) =>
     `ros2 run pga_me_ros export ${Commands.word(run.run.name)} --to ${kind} --cell ${elite.cell}`,
 
-  save: (elite, kind) => `ros2 run pga_me_ros query --cell ${elite.cell} --save gait.${kind}`,
+  save(run, elite, kind) {
+    const where = Commands.at(run) && ` --ros-args -r __ns:=${Commands.at(run)}`;
+    return `ros2 run pga_me_ros query --cell ${elite.cell} --save gait.${kind}${where}`;
+  },
 
   word: (text) => (/^[\w@%+=:,./-]+$/.test(text) ? text : `'${text.replaceAll("'", "'\\''")}'`),
 };
@@ -93,15 +99,15 @@ const Details = (() => {
     );
     Page.replace(
       Page.byId("actions"),
-      button("copy-service", "Copy as ros2 service call", () => Commands.service(elite)),
-      button("copy-python", "Copy as Python", () => Commands.python(elite)),
+      button("copy-service", "Copy as ros2 service call", () => Commands.service(run, elite)),
+      button("copy-python", "Copy as Python", () => Commands.python(run, elite)),
       run.served ? null : button("copy-server", "Copy: serve this repertoire", () => Commands.server(run)),
       button("copy-link", "Copy link to this gait", () => location.href),
       ...FORMATS.map((kind) =>
         run.served
           ? kind === "torchscript"
             ? null
-            : button(`copy-${kind}`, `Copy: save as ${kind}`, () => Commands.save(elite, kind))
+            : button(`copy-${kind}`, `Copy: save as ${kind}`, () => Commands.save(run, elite, kind))
           : run.downloads
           ? Page.make("a", { href: Live.download(run, elite, kind), download: true, role: "button" }, `Download ${kind}`)
           : button(`copy-${kind}`, `Copy: export as ${kind}`, () => Commands.export(run, elite, kind)),

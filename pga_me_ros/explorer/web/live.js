@@ -28,7 +28,7 @@ const Live = (() => {
   const download = (run, elite, kind) => `api/download/${run.index}/${elite.cell}/${kind}`;
 
   async function send(index, action, values) {
-    const said = Page.byId("said");
+    const said = Page.byId(`said-${index}`);
     said.textContent = "…";
     try {
       const answer = await ask(`api/control/${index}`, { method: "POST", headers: { "X-Explorer": "1" }, body: JSON.stringify({ action, values }) });
@@ -59,7 +59,7 @@ const Live = (() => {
   function take(news) {
     Page.warn(news.map((n) => n.problem).filter(Boolean).join("\n"));
     catchUp(news);
-    news.forEach((n, i) => n.state && panels[i] && draw(panels[i], n.state));
+    news.forEach((n, i) => n.state && panels[i] && draw(panels[i], n.state, i));
     shown = news;
   }
 
@@ -78,10 +78,10 @@ const Live = (() => {
 
   // Makes the panel of a graph once; what changes is filled in by draw().
   function makePanel(index, control) {
-    const button = (action, title) => Page.make("button", { type: "button", id: `do-${action}`, disabled: !control, onclick: () => send(index, action) }, title);
+    const button = (action, title) => Page.make("button", { type: "button", id: `do-${action}-${index}`, disabled: !control, onclick: () => send(index, action) }, title);
     const panel = {
-      line: Page.make("p", { id: "progress", role: "status" }),
-      rates: Page.make("form", { id: "rates" }),
+      line: Page.make("p", { id: `progress-${index}`, role: "status" }),
+      rates: Page.make("form", {}),
       nodes: Page.make("div", { class: "scroll" }),
       log: Page.make("pre", { class: "log", tabindex: 0, "aria-label": "Log" }),
       told: {},
@@ -92,7 +92,9 @@ const Live = (() => {
       for (const input of panel.rates.querySelectorAll("input")) if (input.value !== input.defaultValue) values[input.name] = Number(input.value);
       send(index, "rates", values);
     });
+    const many = Store.state.runs.length > 1;
     Page.byId("control").append(
+      ...(many ? [Page.make("h3", {}, Store.state.runs[index].caption)] : []),
       panel.line,
       Page.make(
         "div",
@@ -100,8 +102,8 @@ const Live = (() => {
         button("pause", "Pause run"),
         button("resume", "Resume run"),
         button("stop", "Stop run"),
-        Page.make("button", { type: "button", id: "show-rates", disabled: !control, onclick: () => send(index, "rates") }, "Rates"),
-        Page.make("output", { id: "said" }, control ? "" : "This page is read-only; --control lets it control the run."),
+        Page.make("button", { type: "button", id: `show-rates-${index}`, disabled: !control, onclick: () => send(index, "rates") }, "Rates"),
+        Page.make("output", { id: `said-${index}` }, control ? "" : "This page is read-only; --control lets it control the run."),
       ),
       panel.rates,
       panel.nodes,
@@ -118,9 +120,9 @@ const Live = (() => {
     return true;
   }
 
-  function draw(panel, state) {
+  function draw(panel, state, index) {
     panel.line.textContent = progress(state.progress);
-    if (differs(panel, "rates", state.rates)) drawRates(panel.rates, state.rates);
+    if (differs(panel, "rates", state.rates)) drawRates(panel.rates, state.rates, index);
     if (differs(panel, "nodes", state.nodes)) drawNodes(panel.nodes, state.nodes);
     if (differs(panel, "log", state.log)) {
       panel.log.textContent = state.log.join("\n") || "No line of the log since this explorer was started.";
@@ -128,13 +130,13 @@ const Live = (() => {
     }
   }
 
-  function drawRates(form, rates) {
+  function drawRates(form, rates, index) {
     const limit = (value) => (value === null || value === undefined ? null : value);
     const fields = rates.map(({ name, value, description, low, high }) => {
       const range = `${description}${limit(low) === null ? "" : `, from ${low}`}${limit(high) === null ? "" : ` to ${high}`}`;
-      return Page.make("label", { title: range }, name, Page.make("input", { name, id: `rate-${name}`, type: "number", step: "any", value, min: limit(low), max: limit(high) }));
+      return Page.make("label", { title: range }, name, Page.make("input", { name, id: `rate-${name}-${index}`, type: "number", step: "any", value, min: limit(low), max: limit(high) }));
     });
-    Page.replace(form, ...fields, rates.length ? Page.make("button", { type: "submit", id: "set-rates" }, "Set from the next generation on") : null);
+    Page.replace(form, ...fields, rates.length ? Page.make("button", { type: "submit", id: `set-rates-${index}` }, "Set from the next generation on") : null);
   }
 
   function drawNodes(place, nodes) {
