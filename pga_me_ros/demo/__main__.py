@@ -112,9 +112,7 @@ def demonstrate(arguments: Arguments, children: Children, signals: Signals) -> i
             while not finished.wait(TICK):
                 if orchestrator.poll() is not None:
                     return orchestrator.returncode
-        robot = children.start(
-            "pga_me_ros.demo.robot", [arguments.run_dir, "--ros-args", *arguments.remaps]
-        )
+        robot = children.start("pga_me_ros.demo.robot", ["--ros-args", *arguments.remaps])
         code = robot.wait()
         if arguments.serve and not signals.received:
             return orchestrator.wait()

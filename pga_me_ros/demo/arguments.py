@@ -15,9 +15,6 @@ DEFAULTS = ("algorithm:=dcrl_map_elites", "evaluations:=7680", "reevaluations:=3
 """What a short run is best made with: the algorithm that learns fastest, and minutes of the hopper on two cores."""
 
 
-RUN_DIR = "run_dir:="
-
-
 @dataclass(frozen=True)
 class Arguments:
     """The parsed command line.
@@ -25,13 +22,11 @@ class Arguments:
     Attributes:
         orchestrator: ROS arguments of the orchestrator.
         remaps: Those of them that rename; the robot needs them, too, to find the repertoire.
-        run_dir: Folder of the run, empty for the default one.
         serve: Whether the user wants the repertoire to be served afterwards.
     """
 
     orchestrator: list[str]
     remaps: list[str]
-    run_dir: str
     serve: bool
 
     @classmethod
@@ -51,13 +46,7 @@ class Arguments:
         # Of two values, the later one counts: what a file or the user says is not overridden.
         defaults = [word for value in DEFAULTS for word in ("-p", value)]
         serve = "serve:=true" in given
-        folders = [word.removeprefix(RUN_DIR) for word in given if word.startswith(RUN_DIR)]
-        return cls(
-            ["--ros-args", *defaults, *given, "-p", "serve:=true"],
-            remaps,
-            (folders or [""])[-1],
-            serve,
-        )
+        return cls(["--ros-args", *defaults, *given, "-p", "serve:=true"], remaps, serve)
 
 
 def find_config(given: str) -> Path:

@@ -1,12 +1,13 @@
 """A robot of the demonstration: requests gaits, runs them in simulation, and compares the result with the promise.
 
-Start it next to a run or an archive manager: ``python -m pga_me_ros.demo.robot [RUN_DIR]``
+Start it next to a run or an archive manager: ``python -m pga_me_ros.demo.robot``
 """
 
 from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 
@@ -14,14 +15,22 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as in evaluators
 
 import numpy as np
 import rclpy
+from rcl_interfaces.srv import GetParameters
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 
-from pga_me_ros.client import Behavior, BehaviorNotFoundError, RepertoireClient, RepertoireInfo
+from pga_me_ros.client import (
+    Behavior,
+    BehaviorNotFoundError,
+    ListedBehavior,
+    RepertoireClient,
+    RepertoireInfo,
+)
+from pga_me_ros.client.patient_caller import PatientCaller
+from pga_me_ros.client.repertoire_client import TIMEOUT
 from pga_me_ros.core.evaluation import as_evaluated, evaluation_rng
-from pga_me_ros.core.runs.run_directory import default_run_dir
 from pga_me_ros.core.settings import Settings
-from pga_me_ros.core.storage.shipped import ZOO, shipped
+from pga_me_ros.core.storage.shipped import REPERTOIRE, ZOO, shipped
 from pga_me_ros.process.early_signals import hand_over
 from pga_me_ros.ros.environment import prepare_environment
 from pga_me_ros.ros.process import report
@@ -31,6 +40,9 @@ from pga_me_ros.tasks.rollout import Episode, rollout
 
 OTHER_STARTS = 5
 """Episodes from initial poses that the run has not seen."""
+
+FIT = 0.25
+"""Share of the fittest's fitness that another gait may lack to be one to go on with."""
 
 SELDOM = 0.05
 """Share of falls up to which a behavior counts as one that keeps its promise."""
@@ -70,13 +82,12 @@ def show(behavior: Behavior, info: RepertoireInfo, task: Task) -> bool:
     return equal
 
 
-def ask_and_run(client: RepertoireClient, node: Node, run_dir: str) -> int:
+def ask_and_run(client: RepertoireClient, node: Node) -> int:
     """Request behaviors, run them and print the results; the last one keeps its promise.
 
     Args:
         client: Client of the repertoire that was grown.
         node: Node to ask another repertoire through.
-        run_dir: Folder of the run, empty for the default one.
 
     Returns:
         Exit code: 1 if a behavior did not achieve what was promised.
@@ -96,33 +107,79 @@ def ask_and_run(client: RepertoireClient, node: Node, run_dir: str) -> int:
             f"the one nearest to descriptor {np.round(wanted, 2).tolist()}, {behavior.distance:.3f} away:"
         )
         equal &= show(behavior, info, task)
-        name = show_a_steady_one(client, node, info, task)
+        name, steady = show_a_steady_one(client, node, info, task)
     finally:
         task.close()
-    _print_next(name or run_dir or default_run_dir(Settings.from_stored(info.settings)), wanted)
+    _print_next(name or served_from(node), unlike_the_fittest(steady, info))
     return 0 if equal else 1
+
+
+def served_from(node: Node) -> str:
+    """Return the folder of the run, or the name of the repertoire, that the archive manager serves.
+
+    It was told so by a command line, a file or a default; it alone knows which of them counted.
+
+    Raises:
+        RepertoireTimeoutError: It does not answer.
+    """
+    caller, name = PatientCaller(node), "archive_manager/get_parameters"
+    client = node.create_client(GetParameters, name, callback_group=caller.group)
+    request = GetParameters.Request(names=["repertoire"])
+    path = Path(caller.result(caller.start(client, request, _only_text, TIMEOUT)))
+    path = path.parent if path.name == REPERTOIRE else path
+    return str(path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path)
+
+
+def _only_text(response: GetParameters.Response) -> str:
+    (value,) = response.values
+    return str(value.string_value)
+
+
+def unlike_the_fittest(
+    behaviors: Sequence[ListedBehavior], info: RepertoireInfo
+) -> np.ndarray | None:
+    """Return the descriptor that is farthest from that of the fittest, in shares of each range.
+
+    Those that are much less fit are left out: they may stand still.
+
+    Args:
+        behaviors: Behaviors, fittest first.
+        info: Their repertoire.
+
+    Returns:
+        (d,) float64, None if there is no behavior.
+    """
+    if not behaviors:
+        return None
+    enough = FIT * abs(behaviors[0].promised_fitness)
+    fit = [b for b in behaviors if behaviors[0].promised_fitness - b.promised_fitness <= enough]
+    places = np.array([behavior.promised_descriptor for behavior in fit])
+    apart = (places - places[0]) / (info.descriptor_high - info.descriptor_low)
+    farthest: np.ndarray = places[np.linalg.norm(apart, axis=1).argmax()]
+    return farthest
 
 
 def show_a_steady_one(
     client: RepertoireClient, node: Node, info: RepertoireInfo, task: Task
-) -> str:
+) -> tuple[str, tuple[ListedBehavior, ...]]:
     """Run a behavior that seldom falls: one of the run's own, else one of the repertoire that comes with the package.
 
     Returns:
-        Name of the shipped repertoire that has it, empty if the run's own has one or there is none.
+        Name of the shipped repertoire that has it, empty if the run's own has one or there is none; and all of its
+        behaviors that seldom fall, fittest first.
     """
     own = _steady(client)
     if own:
         print(f"the fittest that falls in at most {SELDOM:.0%} of its re-evaluations:")
         _show_promise(own, info, task)
-        return ""
+        return "", _all_steady(client)
     print(
         f"none of them falls in at most {SELDOM:.0%} of its re-evaluations: such gaits take longer to grow "
         "(docs/results.md says how long)."
     )
     name = f"{ZOO}/{info.task}"
     if info.task not in shipped():
-        return ""
+        return "", ()
     ready = RepertoireClient(node, repertoire=name)
     try:
         steady, ready_info = _steady(ready), ready.get_info()
@@ -131,15 +188,19 @@ def show_a_steady_one(
                 f"this one comes with the package: {name}, {ready_info.evaluations:,} evaluations:"
             )
             _show_promise(steady, ready_info, task)
+        return name, _all_steady(ready)
     finally:
         ready.close()
-    return name
 
 
 def _steady(client: RepertoireClient) -> Behavior | None:
     with suppress(BehaviorNotFoundError):
         return client.get_behavior(best=True, max_fall_share=SELDOM)
     return None
+
+
+def _all_steady(client: RepertoireClient) -> tuple[ListedBehavior, ...]:
+    return tuple(client.list_behaviors(max_fall_share=SELDOM))
 
 
 def _show_promise(behavior: Behavior, info: RepertoireInfo, task: Task) -> None:
@@ -154,12 +215,16 @@ def _show_promise(behavior: Behavior, info: RepertoireInfo, task: Task) -> None:
     print(f"{words}; {falls} fell, {seconds:.1f} s each")
 
 
-def _print_next(target: str | Path, wanted: list[float]) -> None:
-    words = " ".join(f"{number:.2f}" for number in wanted)
+def _print_next(target: str, wanted: np.ndarray | None) -> None:
+    """Print commands that ask for another gait that seldom falls, or for the best where there is none."""
+    which = "--best"
+    if wanted is not None:
+        words = " ".join(f"{number:.2f}" for number in wanted)
+        which = f"--descriptor {words} --max-fall-share {SELDOM}"
     print("to go on:")
     print(f"  ros2 run pga_me_ros archive_manager --ros-args -p repertoire:={target}")
-    print(f"  ros2 run pga_me_ros query --descriptor {words}")
-    print(f"  ros2 run pga_me_ros render {target} --best --seed 1 --out gait.gif")
+    print(f"  ros2 run pga_me_ros query {which}")
+    print(f"  ros2 run pga_me_ros render {target} {which} --seed 1 --out gait.gif")
 
 
 def _other_starts(
@@ -197,7 +262,7 @@ def main() -> int:
         rclpy.init()
         started = True
         node = rclpy.create_node("demo_robot", cli_args=["--ros-args", "-r", "__node:=demo_robot"])
-        return ask_and_run(RepertoireClient(node), node, sys.argv[1] if sys.argv[1:] else "")
+        return ask_and_run(RepertoireClient(node), node)
     except (KeyboardInterrupt, ExternalShutdownException):
         return 0
     except Exception as error:

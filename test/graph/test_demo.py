@@ -8,11 +8,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from domain_coordinator import domain_id
 from graph import TINY, Graph, Started, ros_arguments, wait_until
+from pga_me_msgs.msg import Behavior
+from pga_me_msgs.srv import GetInfo
 
+from pga_me_ros.client import ListedBehavior, RepertoireInfo
 from pga_me_ros.demo.arguments import DEFAULTS, Arguments, find_config
+from pga_me_ros.demo.robot import unlike_the_fittest
 from pga_me_ros.errors import SettingsError
 
 CONFIG = Path(__file__).resolve().parents[2] / "config" / "qd_walker.yaml"
@@ -21,11 +26,12 @@ CONFIG = Path(__file__).resolve().parents[2] / "config" / "qd_walker.yaml"
 def demonstrate(graph: Graph, run_dir: Path, *more: str, **parameters: Any) -> Started:
     """Start the demonstration of a tiny run; it decides whether the orchestrator keeps serving.
 
-    The algorithm is named by a file: were that overridden by the default, `TINY` would be refused.
+    The algorithm is named by a file: were that overridden by the default, `TINY` would be refused. So is the folder.
     """
-    file = run_dir.parent / "walker.yaml"
-    file.write_text("/**: {ros__parameters: {task: qd_walker, algorithm: pga_map_elites}}\n")
-    values = {**TINY, "run_dir": run_dir, **parameters}
+    file = Path(f"{run_dir}.yaml")  # `processes_of` knows them by this name
+    named = f"task: qd_walker, algorithm: pga_map_elites, run_dir: '{run_dir}'"
+    file.write_text(f"/**: {{ros__parameters: {{{named}}}}}\n")
+    values = {**TINY, **parameters}
     words = ["--params-file", str(file), *ros_arguments(values)[1:], *more]
     return graph.launch([sys.executable, "-m", "pga_me_ros.demo", *words])
 
@@ -77,8 +83,10 @@ def test_a_robot_in_another_process_gets_what_was_promised(twice: Twice) -> None
     assert len(promised) == 2
     assert promised == same_start
     rest = twice.outputs[0].partition("to go on:")[2]
-    assert f"-p repertoire:={twice.run_dir}\n" in rest
-    assert f"render {twice.run_dir} " in rest
+    name = twice.run_dir.name  # the demonstration ran in the folder that has it
+    assert f"-p repertoire:={name}\n" in rest
+    assert f"render {name} " in rest
+    assert ("--best" in rest) == ("none of them falls in at most 5%" in twice.outputs[0])
 
 
 @pytest.mark.slow
@@ -113,6 +121,27 @@ def test_no_process_survives_a_killed_demonstration(graph: Graph, tmp_path: Path
     demo.signal(signal.SIGKILL)
     demo.wait()
     wait_until(lambda: not processes_of(run_dir), "the end of all processes", 20.0)
+
+
+def listed(descriptor: list[float], mean: list[float], fitness: float = 80.0) -> ListedBehavior:
+    msg = Behavior(
+        descriptor=descriptor, mean_descriptor=mean, repeats=5 * bool(mean), by_mean=bool(mean)
+    )
+    msg.fitness = msg.mean_fitness = fitness
+    return ListedBehavior.from_msg(msg)
+
+
+def test_the_next_gait_to_ask_for_is_fit_and_differs_most_from_the_fittest() -> None:
+    info = RepertoireInfo.from_response(
+        GetInfo.Response(
+            descriptor_low=[0.0, -10.0], descriptor_high=[1.0, 90.0], settings="{}", versions="{}"
+        )
+    )
+    fittest, slow = listed([0.9, 0.0], [0.5, 0.0], 100.0), listed([0.0, 90.0], [], 70.0)
+    others = [listed([0.5, 40.0], []), listed([0.5, 0.0], [0.9, 2.0]), listed([0.95, 0.0], [])]
+    np.testing.assert_array_equal(unlike_the_fittest([fittest, *others, slow], info), [0.95, 0.0])
+    np.testing.assert_array_equal(unlike_the_fittest([fittest], info), [0.5, 0.0])
+    assert unlike_the_fittest([], info) is None
 
 
 def test_a_misspelled_task_gives_one_line_with_the_nearest_name(graph: Graph) -> None:
