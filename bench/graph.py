@@ -1,8 +1,12 @@
 """The whole graph with two evaluators compared with `core.search` in one process, for the same generations.
 
-Run: `.venv/bin/python bench/graph.py [--rounds 2] [--part early|late]`; the last line is JSON. Both do the same
+Run: `.venv/bin/python bench/graph.py [--rounds 2] [--part early|late|dcrl]`; the last line is JSON. Both do the same
 generations of the same seed in turn (A B A B ...), and must end with the same repertoire, bit for bit. `early` is
-QDWalker with its short first episodes, `late` QDHalfCheetah with 1000 steps in each.
+QDWalker with its short first episodes, `late` QDHalfCheetah with 1000 steps in each, `dcrl` the same with
+DCRL-MAP-Elites.
+
+`of_need` is the time of the graph's generations in shares of what physics, critic training and PG variation alone need
+on all cores, if they are divided evenly and each takes as long as next to another process.
 
 The shares are those of the core time of the graph's generations. The time of episodes is measured in the graph, and
 divided between physics and the Python around it in the proportion measured in one process, where calls are timed.
@@ -59,6 +63,9 @@ CORES = 2
 SIMULATION = ("physics", "Python around physics")
 """Parts of an episode."""
 
+NEEDED = (*SIMULATION, "critic", "PG variation")
+"""What a generation cannot do without."""
+
 
 @dataclass(frozen=True)
 class Part:
@@ -68,11 +75,21 @@ class Part:
     random_init: int
     generations: int
     skipped: int
+    algorithm: str = "pga_map_elites"
+    batch_size: int = 100
 
 
 PARTS = {
     "early": Part("_timed_tasks:TimedWalker", random_init=500, generations=15, skipped=6),
     "late": Part("_timed_tasks:TimedHalfCheetah", random_init=100, generations=4, skipped=2),
+    "dcrl": Part(
+        "_timed_tasks:TimedHalfCheetah",
+        random_init=256,
+        generations=3,
+        skipped=1,
+        algorithm="dcrl_map_elites",
+        batch_size=256,
+    ),
 }
 
 
@@ -100,12 +117,13 @@ class Measured:
 
 
 def settings_of(part: Part, seed: int) -> Settings:
-    """Return the settings of a part's run: Table 1 except for the number of random controllers."""
+    """Return the settings of a part's run: the algorithm's own except for the number of random controllers."""
     return Settings(
         task=part.task,
         seed=seed,
+        algorithm=part.algorithm,
         random_init=part.random_init,
-        evaluations=part.generations * 100,
+        evaluations=part.generations * part.batch_size,
     )
 
 
@@ -156,6 +174,7 @@ def run_graph(part: Part, seed: int) -> Measured:
         values = {
             "task": part.task,
             "seed": seed,
+            "algorithm": part.algorithm,
             "random_init": part.random_init,
             "evaluations": settings.evaluations,
             "evaluators": CORES,
@@ -206,9 +225,14 @@ def shares(busy: Measured, graph: Measured) -> dict[str, float]:
     return {part: seconds / available for part, seconds in parts.items()}
 
 
+def of_need(busy: Measured, graph: Measured) -> float:
+    """Return the time of the graph's generations in shares of what their work needs on all cores."""
+    return CORES * sum(graph.seconds) / sum(busy.cores[part] for part in NEEDED)
+
+
 def measure(name: str, part: Part, rounds: int) -> dict[str, Any]:
     """Compare one part; print and return its figures."""
-    ratios, slower, divided, times = [], [], [], []
+    ratios, slower, needs, divided, times = [], [], [], [], []
     for seed in range(1, rounds + 1):
         alone, graph = run_search(part, seed), run_graph(part, seed)
         busy = run_search_beside_another(part, seed)
@@ -218,6 +242,7 @@ def measure(name: str, part: Part, rounds: int) -> dict[str, Any]:
             )
         ratios.append(sum(graph.seconds) / sum(alone.seconds))
         slower.append(sum(busy.seconds) / sum(alone.seconds))
+        needs.append(of_need(busy, graph))
         divided.append(shares(busy, graph))
         times.append(statistics.mean(graph.seconds))
         print(
@@ -231,6 +256,7 @@ def measure(name: str, part: Part, rounds: int) -> dict[str, Any]:
     figures: dict[str, Any] = {
         "time_of_one_process": spread(ratios),
         "one_process_beside_another": spread(slower),
+        "of_need": spread(needs),
         "share": share,
         "core_seconds_per_generation": {
             k: round(v * CORES * statistics.median(times), 3) for k, v in share.items()
