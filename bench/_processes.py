@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -35,6 +37,20 @@ def start_run(
     if tree:
         return python_of(tree, *command, stdout=subprocess.DEVNULL)
     return subprocess.Popen([sys.executable, *command], stdout=subprocess.DEVNULL, env=environment)
+
+
+@contextmanager
+def running(
+    folder: str, values: Mapping[str, object], **variables: str
+) -> Iterator[subprocess.Popen[bytes]]:
+    """Start a run as `start_run` does; one that is still going on at the end is stopped."""
+    process = start_run(folder, values, **variables)
+    try:
+        yield process
+    finally:
+        if process.poll() is None:
+            process.send_signal(signal.SIGTERM)
+            process.wait()
 
 
 def python_of(

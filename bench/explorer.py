@@ -30,7 +30,7 @@ from pathlib import Path
 from typing import Any
 
 from _measure import spread
-from _processes import start_run, wait_for_generation
+from _processes import running, wait_for_generation
 from _run_times import committed
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "test/explorer"))
@@ -99,21 +99,20 @@ def run(way: str, generations: int, browser: Any, play: bool) -> tuple[list[floa
         "slow": slow_client,
     }
     with tempfile.TemporaryDirectory() as folder:
-        process = start_run(folder, values)
         file = Path(folder) / "repertoire.db"
-        try:
+        with running(folder, values) as process:
             wait_for_generation(process, file, 0)
             with watching[way]():
                 first = max(SKIPPED, len(committed(file)) + 1)  # the page may have opened late
                 wait_for_generation(process, file, SKIPPED + generations - 1)
             process.wait()
-        finally:
-            if process.poll() is None:
-                process.send_signal(signal.SIGTERM)
-                process.wait()
         with Repertoire.open(file, read_only=True) as repertoire:
             digest = repertoire.result_digest()
         seconds = [b - a for a, b in pairwise(committed(file))]
+    if first > len(seconds):
+        raise SystemExit(
+            f"The run ended before the page was open; give more --generations than {generations}."
+        )
     return seconds[first - 1 :], digest
 
 

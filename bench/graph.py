@@ -25,7 +25,6 @@ import argparse
 import json
 import multiprocessing
 import os
-import signal
 import statistics
 import tempfile
 import time
@@ -44,7 +43,7 @@ from _processes import (
     core_seconds,
     idle_seconds,
     listening_seconds,
-    start_run,
+    running,
     wait_for_generation,
 )
 from _run_times import committed
@@ -181,9 +180,8 @@ def run_graph(part: Part, seed: int) -> Measured:
             "serve": "false",
             "reevaluations": 0,
         }
-        process = start_run(folder, values, **{FOLDER: notes})
-        try:
-            file = Path(folder) / "repertoire.db"
+        file = Path(folder) / "repertoire.db"
+        with running(folder, values, **{FOLDER: notes}) as process:
             wait_for_generation(process, file, part.skipped - 1)
             before = core_seconds(process.pid), listening_seconds(process.pid)
             work = {kind: -seconds_of(kind, notes) for kind in (EPISODES, PG_VARIATION)}
@@ -193,10 +191,6 @@ def run_graph(part: Part, seed: int) -> Measured:
             work = {kind: seconds + seconds_of(kind, notes) for kind, seconds in work.items()}
             idle += idle_seconds()
             process.wait()
-        finally:
-            if process.poll() is None:
-                process.send_signal(signal.SIGTERM)
-                process.wait()
         with Repertoire.open(file, read_only=True) as repertoire:
             digest = repertoire.result_digest()
         times = committed(file)

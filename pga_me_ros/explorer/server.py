@@ -188,20 +188,28 @@ class Server:
         run, cell = request.path_params["run"], request.path_params["cell"]
         start = EpisodeStart.of(request.query_params.get("start", "evaluation"))
         self._content(run)
-        loop = asyncio.get_running_loop()
-        recorder = self._recorders[run]
-        return JSONResponse(
-            await loop.run_in_executor(self._simulating, recorder.motion, cell, start)
-        )
+        return JSONResponse(await self._simulated(self._recorders[run].motion, cell, start))
+
+    async def _simulated(self, work: Callable[..., Any], *values: Any) -> Any:
+        """Return what a call gives that may take seconds.
+
+        Raises:
+            RequestError: The server is stopped meanwhile; an answer is then still sent, not waited for in vain.
+        """
+        work_done = asyncio.get_running_loop().run_in_executor(self._simulating, work, *values)
+        while not work_done.done():
+            if self._is_ending():
+                raise RequestError("The explorer is being stopped.")
+            await asyncio.wait([work_done], timeout=LOOK_EVERY / 4)
+        return work_done.result()
 
     async def _download(self, request: Request) -> Response:
         run, cell, kind = (request.path_params[name] for name in ("run", "cell", "kind"))
         self._content(run)
         if kind not in FORMATS:
             raise RequestError(f"There is no format '{kind}'; give one of {', '.join(FORMATS)}.")
-        loop = asyncio.get_running_loop()
         source = self._sources[run]
-        content = await loop.run_in_executor(self._simulating, source.download, cell, kind)
+        content = await self._simulated(source.download, cell, kind)
         name = f"{source.settings.task.replace(':', '-')}-cell{cell}{FORMATS[kind]}"
         headers = {"Content-Disposition": f'attachment; filename="{name}"'}
         return Response(content, media_type="application/octet-stream", headers=headers)

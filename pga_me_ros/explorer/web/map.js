@@ -48,7 +48,8 @@ const Maps = (() => {
     const y = (v) => EDGE + (1 - v) * height;
     const middles = new Map();
     const shapes = new Map();
-    const group = Page.svg("g");
+    // Borders between many bars would hide the bars.
+    const group = Page.svg("g", { class: layout.height < 1 && layout.shapes.length > 250 ? "narrow" : null });
     if (layout.background) group.append(Page.svg("rect", { class: "cell empty", x: x(0), y: y(1), width: x(1) - x(0), height }));
     for (const { cell, points, dot } of layout.shapes) {
       const shape = dot
