@@ -20,6 +20,7 @@ class HardwareSettings:
         "",
         "Repertoire to take the behavior from by a private archive manager: zoo/NAME or the folder of a run; empty to "
         "ask the node that serves one.",
+        path=True,
     )
     trigger: str = setting(
         "",

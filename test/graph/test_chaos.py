@@ -115,7 +115,8 @@ def test_if_two_runs_start_at_once_one_continues_and_the_other_is_refused(
     assert sorted(codes) == [0, 2], "".join(run.output for run in runs)
     for run, code, folder in zip(runs, codes, folders, strict=True):
         if code:
-            assert run.output.startswith("error: ")
-            assert "Another orchestrator runs as" in run.output or "another process" in run.output
+            error = run.output.splitlines()[-1]
+            assert error.startswith("error: ")
+            assert "Another orchestrator runs as" in error or "another process" in error
         else:
             assert run_digest(tmp_path / folder) == search_digest(evaluations=10)
