@@ -49,10 +49,13 @@ TUNING = (
     "slope 3",
     "slope -3",
     "ice 0.35",
+    "weak foot_joint 0.6",
 )
 """Other damages, on which `--tune` compares length scales; none of them counts as evidence."""
 
-LENGTH_SCALES = (0.4, 0.2, 0.16, 0.1, 0.05, 0.02)
+SCALES = ((0.4, 0.0), (0.2, 0.0), (0.1, 0.0), (0.05, 0.0), (0.02, 0.0), (0.4, 0.02))
+"""What `--tune` compares: `length_scale` and `least_length_scale`."""
+
 REPEATS = 20
 BUDGET = 15
 CLIMBS = 20
@@ -137,10 +140,15 @@ def save(file: Path, rows: np.ndarray) -> None:
     np.savez(file, fitness=rows)
 
 
-def adapted(bench: Bench, table: np.ndarray, repeat: int, length_scale: float) -> tuple[int, int]:
+def scaled(length_scale: float, least: float) -> AdaptationSettings:
+    return AdaptationSettings(BUDGET, length_scale, least)
+
+
+def adapted(
+    bench: Bench, table: np.ndarray, repeat: int, settings: AdaptationSettings
+) -> tuple[int, int]:
     """Return the row of what an adaptation ended with, and the number of its trials."""
     rng = Way.ADAPT.generator(repeat)
-    settings = AdaptationSettings(budget=BUDGET, length_scale=length_scale)
     adaptation = Adaptation(bench.promises, settings)
     while trial := adaptation.next():
         row = bench.cells.index(trial.cell)
@@ -158,27 +166,28 @@ def searched(bench: Bench, table: np.ndarray, repeat: int, trials: int) -> int:
 
 
 def tune(bench: Bench) -> None:
-    """Print what each length scale recovers of the hindsight best on damages that are no evidence."""
-    print(
-        "| length scale | "
-        + " | ".join(f"`{damage}`" for damage in TUNING)
-        + " | median | trials |"
-    )
-    print("|---|" + "---|" * (len(TUNING) + 2))
-    for length_scale in LENGTH_SCALES:
-        shares, counts = [], []
+    """Print what each length scale recovers of the hindsight best, and what random search does with as many trials."""
+    names = " | ".join(f"`{damage}`" for damage in TUNING)
+    print(f"| length scale | {names} | better than random |")
+    print("|---|" + "---|" * (len(TUNING) + 1))
+    for length_scale, least in SCALES:
+        settings, cells, better = scaled(length_scale, least), [], 0
         for damage in TUNING:
-            means = bench.table(damage).mean(axis=1)
-            done = [adapted(bench, bench.table(damage), k, length_scale) for k in range(REPEATS)]
-            shares.append(np.median([means[row] for row, _ in done]) / means.max())
-            counts.append(np.median([count for _, count in done]))
-        cells = " | ".join(f"{100 * share:.0f} %" for share in shares)
-        print(
-            f"| {length_scale} | {cells} | {100 * np.median(shares):.0f} % | {np.median(counts):g} |"
-        )
+            table = bench.table(damage)
+            means = table.mean(axis=1)
+            done = [adapted(bench, table, k, settings) for k in range(REPEATS)]
+            ours = np.median([means[row] for row, _ in done])
+            random = np.median(
+                [means[searched(bench, table, k, n)] for k, (_, n) in enumerate(done)]
+            )
+            trials = np.median([count for _, count in done])
+            cells.append(f"{ours / means.max():.0%}, {random / means.max():.0%} ({trials:g})")
+            better += ours > random
+        name = f"{least} to {length_scale}" if least else f"{length_scale}"
+        print(f"| {name} | {' | '.join(cells)} | {better} |")
 
 
-def report(bench: Bench, length_scale: float) -> None:
+def report(bench: Bench, settings: AdaptationSettings) -> None:
     """Print the tables; every number in them comes from the files."""
     sound = bench.table("").mean(axis=1)
     first = int(np.argmax(bench.promises.fitness))
@@ -192,7 +201,7 @@ def report(bench: Bench, length_scale: float) -> None:
     for damage in DAMAGES:
         table = bench.table(damage)
         means = table.mean(axis=1)
-        done = [adapted(bench, table, k, length_scale) for k in range(REPEATS)]
+        done = [adapted(bench, table, k, settings) for k in range(REPEATS)]
         ours = np.array([means[row] for row, _ in done])
         trials = np.array([count for _, count in done])
         equal = np.array([means[searched(bench, table, k, n)] for k, (_, n) in enumerate(done)])
@@ -229,6 +238,7 @@ def main() -> None:
         "--tune", action="store_true", help="compare length scales on other damages"
     )
     parser.add_argument("--length-scale", type=float, default=AdaptationSettings().length_scale)
+    parser.add_argument("--least-length-scale", type=float, default=0.0)
     args = parser.parse_args()
     run = StoredRun.load(REPERTOIRE)
     bench = Bench(run, args.out, time.monotonic() + args.seconds)
@@ -244,7 +254,7 @@ def main() -> None:
     if args.tune:
         tune(bench)
     else:
-        report(bench, args.length_scale)
+        report(bench, scaled(args.length_scale, args.least_length_scale))
 
 
 if __name__ == "__main__":

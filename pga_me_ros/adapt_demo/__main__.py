@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
 import tempfile
 import uuid
@@ -114,8 +115,8 @@ def adapter_of(plan: Plan) -> Iterator[tuple[Adapter, Companions]]:
             try:
                 repertoire = str(plan.run.file.resolve())
                 companions.start("archive_manager", {"repertoire": repertoire})
-                settings = {"length_scale": plan.settings.length_scale}
-                companions.start("adapter", {"memory": f"{folder}/memory.db", **settings})
+                settings = {"memory": f"{folder}/memory.db", **dataclasses.asdict(plan.settings)}
+                companions.start("adapter", settings)
                 yield adapter, companions
             finally:
                 companions.close()

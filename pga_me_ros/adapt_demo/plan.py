@@ -57,7 +57,7 @@ class Plan:
                 picture could not be written.
         """
         options = _parser().parse_args(args)
-        given = {"budget": options.budget, "length_scale": options.length_scale}
+        given = vars(options)
         settings = {
             f.name: checked_value(f, given[f.name])
             for f in dataclasses.fields(AdaptationSettings)
@@ -140,6 +140,13 @@ def _parser() -> argparse.ArgumentParser:
         metavar="X",
         help="distance over which gaits tell about each other, in shares of the descriptor's range "
         f"({scale}, chosen for hoppers; the paper's is {AdaptationSettings().length_scale})",
+    )
+    parser.add_argument(
+        "--least-length-scale",
+        type=float,
+        default=0.0,
+        metavar="X",
+        help="above 0, the length scale is inferred from the trials, between this one and --length-scale (0)",
     )
     parser.add_argument(
         "--repeat",

@@ -41,6 +41,7 @@ def robot() -> Iterator[Robot]:
         (["nowhere"], "'nowhere"),
         (["--budget", "0"], "budget is 0; expected a value from 1"),
         (["--length-scale", "nan"], "length_scale is nan"),
+        (["--least-length-scale", "0.5"], "up to below length_scale, which is 0.02"),
         (["--repeat", "-1"], "--repeat is -1"),
         (["--out", "picture.gif"], "ends in .png, .svg, .pdf"),
         (["--out", "no_such_folder/picture.png"], "cannot be written (No such file or directory)"),

@@ -15,10 +15,16 @@ from functools import cached_property
 import numpy as np
 
 from pga_me_ros.arrays import Float64Array
-from pga_me_ros.core.adaptation.gaussian_process import posterior
+from pga_me_ros.core.adaptation.gaussian_process import averaged_posterior, posterior
 from pga_me_ros.core.adaptation.performance_map import PerformanceMap
 from pga_me_ros.core.settings.field import INT64_MAX, setting
-from pga_me_ros.errors import RequestError
+from pga_me_ros.errors import RequestError, SettingsError
+
+SMALLEST_SCALE = 1e-6
+"""Smallest length scale that can be computed with."""
+
+SCALES = 5
+"""Number of length scales that are averaged."""
 
 
 @dataclass(frozen=True)
@@ -29,7 +35,14 @@ class AdaptationSettings:
     length_scale: float = setting(
         0.4,
         "Distance over which behaviors tell about each other, in shares of the descriptor's range (the paper's rho).",
-        low=1e-6,
+        low=SMALLEST_SCALE,
+        high=1e6,
+    )
+    least_length_scale: float = setting(
+        0.0,
+        "If above 0, the length scale is inferred from the trials: several from this one to length_scale are averaged, "
+        "each by how well it explains what was achieved.",
+        low=0.0,
         high=1e6,
     )
     noise: float = setting(
@@ -50,6 +63,26 @@ class AdaptationSettings:
         low=0.0,
         high=1.0,
     )
+
+    def __post_init__(self) -> None:
+        """Check that the least length scale is the lesser one.
+
+        Raises:
+            SettingsError: It is not, or too small to compute with.
+        """
+        least, greatest = self.least_length_scale, self.length_scale
+        if least and not SMALLEST_SCALE <= least < greatest:
+            raise SettingsError(
+                f"least_length_scale is {least:g}; expected 0, or a value from {SMALLEST_SCALE:g} up to below "
+                f"length_scale, which is {greatest:g}."
+            )
+
+    @property
+    def length_scales(self) -> Float64Array:
+        """(k,) float64 length scales that count: the one, or several at equal ratios."""
+        if not self.least_length_scale:
+            return np.array([self.length_scale])
+        return np.geomspace(self.least_length_scale, self.length_scale, SCALES)
 
 
 @dataclass(frozen=True, eq=False)
@@ -221,13 +254,12 @@ class Adaptation:
         dimensions = p.descriptors.shape[1]
         tried = np.array([t.descriptor for t in done], np.float64).reshape(len(done), dimensions)
         missed = [(t.achieved or 0.0) - t.promised for t in done]
-        means, deviations = posterior(
-            p.points,
-            p.scaled(tried),
-            np.array(missed, np.float64) / self._span,
-            s.length_scale,
-            s.noise,
-        )
+        shares = np.array(missed, np.float64) / self._span
+        observed = (p.points, p.scaled(tried), shares)
+        if s.least_length_scale:
+            means, deviations = averaged_posterior(*observed, s.length_scales.tolist(), s.noise)
+        else:
+            means, deviations = posterior(*observed, s.length_scale, s.noise)
         return p.fitness + self._span * means, self._span * deviations
 
     @property

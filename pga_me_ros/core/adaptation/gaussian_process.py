@@ -6,6 +6,8 @@ methods: the process models by how much achieved performance differs from the re
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from pga_me_ros.arrays import Float64Array
@@ -56,3 +58,53 @@ def posterior(
     # Rounding may leave a variance a little below 0 where the same point was observed again and again.
     variances = np.maximum(1.0 - (whitened**2).sum(axis=0), 0.0)
     return means, np.sqrt(variances)
+
+
+def averaged_posterior(
+    points: Float64Array,
+    tried: Float64Array,
+    differences: Float64Array,
+    length_scales: Sequence[float],
+    noise: float,
+) -> tuple[Float64Array, Float64Array]:
+    """Return the posterior without knowing the length scale: all given ones count by how well they explain the trials.
+
+    A mixture of the processes, weighted by their marginal likelihoods; each length scale is as likely as any other
+    before the first observation.
+
+    Args:
+        points: As in `posterior`.
+        tried: As in `posterior`.
+        differences: As in `posterior`.
+        length_scales: One or more.
+        noise: As in `posterior`.
+
+    Returns:
+        (n,) float64 means and (n,) float64 standard deviations of the mixture.
+    """
+    logs = [log_likelihood(tried, differences, scale, noise) for scale in length_scales]
+    weights = np.exp(np.array(logs) - max(logs))
+    weights /= weights.sum()
+    parts = [posterior(points, tried, differences, scale, noise) for scale in length_scales]
+    means, deviations = (np.stack(values) for values in zip(*parts, strict=True))
+    mean = weights @ means
+    variance = weights @ (deviations**2 + (means - mean) ** 2)
+    return mean, np.sqrt(variance)
+
+
+def log_likelihood(
+    tried: Float64Array, differences: Float64Array, length_scale: float, noise: float
+) -> float:
+    """Return the logarithm of the density that a process gives to what was observed.
+
+    Args:
+        tried: As in `posterior`.
+        differences: As in `posterior`.
+        length_scale: As in `matern52`.
+        noise: As in `posterior`.
+    """
+    covariance = matern52(tried, tried, length_scale) + noise * np.eye(len(tried))
+    lower = np.linalg.cholesky(covariance)
+    whitened = np.linalg.solve(lower, differences)
+    constant = len(tried) * np.log(2.0 * np.pi)
+    return float(-0.5 * (whitened @ whitened + constant) - np.log(np.diag(lower)).sum())

@@ -10,7 +10,7 @@ import pytest
 from pga_me_ros.core.adaptation.adaptation import Adaptation, AdaptationSettings
 from pga_me_ros.core.adaptation.performance_map import PerformanceMap
 from pga_me_ros.core.storage.stored_run import StoredRun
-from pga_me_ros.errors import RequestError
+from pga_me_ros.errors import RequestError, SettingsError
 
 N = 41
 PLACES = np.linspace(0.0, 1.0, N)
@@ -82,6 +82,24 @@ def test_the_estimate_is_the_promise_corrected_near_what_was_tried() -> None:
     assert deviations[row] == deviations.min() < 40.0
     lost = promises().fitness - means
     assert (np.diff(lost[row:]) < 0.0).all(), "the farther, the less was learned"
+
+
+def test_an_inferred_length_scale_generalizes_as_far_as_trials_agree() -> None:
+    """All fail at first, so that failure counts farther than with the least length scale alone."""
+    inferred = Adaptation(promises(), AdaptationSettings(least_length_scale=0.02))
+    near = Adaptation(promises(), AdaptationSettings(length_scale=0.02))
+    assert inferred.settings.length_scales[[0, -1]].tolist() == pytest.approx([0.02, 0.4])
+    cells = adapt(inferred)
+    assert len(cells) < len(adapt(near))
+    assert inferred.best is not None
+    assert inferred.best.achieved is not None
+    assert inferred.best.achieved > 0.9 * 800.0
+
+
+@pytest.mark.parametrize("least", [0.4, 1.0, 1e-9])
+def test_a_least_length_scale_out_of_range_is_refused(least: float) -> None:
+    with pytest.raises(SettingsError, match="up to below length_scale"):
+        AdaptationSettings(least_length_scale=least)
 
 
 def test_a_budget_ends_it_without_success() -> None:
