@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 import os
-import signal
 import tempfile
 from pathlib import Path
 
@@ -12,12 +11,9 @@ from rclpy.node import Node
 
 from pga_me_ros.core.storage.shipped import located
 from pga_me_ros.errors import PgaError, StorageError
-from pga_me_ros.process.child import ChildProcess, python_module
+from pga_me_ros.process.child import ChildProcess, python_module, stop
 
 _count = itertools.count(1)
-
-LEAVE_TIME = 2.0
-"""Seconds to wait for its end after SIGTERM, before it is killed."""
 
 
 class OwnServer:
@@ -64,9 +60,5 @@ class OwnServer:
 
     def close(self) -> None:
         """End the server."""
-        self._process.send(signal.SIGTERM)
-        if not self._process.wait(LEAVE_TIME):
-            self._process.kill_session()
-            self._process.wait()
-        self._process.close_input()
+        stop([self._process])
         self._output.cleanup()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import asdict
 from typing import Any
 
@@ -12,7 +13,6 @@ from numpy.typing import NDArray
 from pga_me_ros.core.archive.archive import Archive
 from pga_me_ros.core.archive.statistics import Statistics
 from pga_me_ros.core.operators import OPERATORS, Operator
-from pga_me_ros.core.storage.rows import Generation
 from pga_me_ros.core.storage.stored_run import StoredRun
 from pga_me_ros.tasks.spec import TaskSpec
 
@@ -45,7 +45,9 @@ def describe(run: StoredRun, name: str) -> dict[str, Any]:
         "elites": describe_elites(run.archive, run.statistics),
         "operators": {operator.label: OPERATORS[operator].title for operator in Operator},
         "curves": {key: numbers(run.curve(key)) for key in CURVES},
-        "contributions": contributions(run.generations),
+        "contributions": contributions(
+            lambda name, operator: sum(getattr(g.metrics, name)[operator] for g in run.generations)
+        ),
         "corrected": plain(asdict(corrected)) if corrected else None,
         "measured": [
             plain({"generation": m.generation, **asdict(m.corrected)})
@@ -110,13 +112,15 @@ def describe_elites(archive: Archive, known: Statistics) -> dict[str, Any]:
     }
 
 
-def contributions(generations: tuple[Generation, ...]) -> list[dict[str, Any]]:
-    """Return, for each operator that made anything, how much it made and how much of that entered the archive."""
+def contributions(total: Callable[[str, Operator], int]) -> list[dict[str, Any]]:
+    """Return, for each operator that made anything, how much it made and how much of that entered the archive.
+
+    Args:
+        total: Returns one of `PER_OPERATOR` of an operator, summed over all generations.
+    """
     rows = []
-    for index, operator in enumerate(Operator):
-        sums = {
-            name: sum(getattr(g.metrics, name)[index] for g in generations) for name in PER_OPERATOR
-        }
+    for operator in Operator:
+        sums = {name: total(name, operator) for name in PER_OPERATOR}
         if sums["offspring"]:
             rows.append({"operator": operator.label, **sums})
     return rows

@@ -6,8 +6,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from pga_me_ros.client import ListedGeneration
-from pga_me_ros.core.operators import Operator
-from pga_me_ros.explorer.description import CURVES, PER_OPERATOR, plain
+from pga_me_ros.explorer.description import CURVES, contributions, plain
 
 
 class History:
@@ -34,18 +33,9 @@ class History:
         last = dict(rows[-1].corrected) if rows else {}
         return {
             "curves": {name: plain([getattr(row, name) for row in rows]) for name in CURVES},
-            "contributions": self._contributions(),
+            "contributions": contributions(
+                lambda name, operator: sum(getattr(r, name).get(operator.label, 0) for r in rows)
+            ),
             "measured": plain(measured),
             "corrected": plain({"elites": rows[-1].coverage, **last}) if last else None,
         }
-
-    def _contributions(self) -> list[dict[str, Any]]:
-        rows = []
-        for label in (operator.label for operator in Operator):
-            sums = {
-                name: sum(getattr(g, name).get(label, 0) for g in self._generations.values())
-                for name in PER_OPERATOR
-            }
-            if sums["offspring"]:
-                rows.append({"operator": label, **sums})
-        return rows

@@ -11,12 +11,6 @@ import numpy as np
 from pga_me_ros.client import Controller
 from pga_me_ros.errors import SettingsError, nearest_name
 
-LAYOUT = (
-    "expected the keys task, sources, observation and commands; docs/hardware.md describes them"
-)
-
-FUNCTIONS = ("sin", "cos")
-
 RELATIVE = "-1 "
 """Beginning of the unit of an entry that is -1 at the lower limit of a joint and +1 at the upper one."""
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import signal
 import threading
 from contextlib import suppress
 from pathlib import Path
@@ -16,6 +15,7 @@ from pga_me_ros.orchestration.children import node_command
 from pga_me_ros.orchestration.control import Control
 from pga_me_ros.orchestration.free_name import stop_if_asked
 from pga_me_ros.orchestration.team import SINGLETONS, evaluator_names, ros_arguments
+from pga_me_ros.process.child import stop
 from pga_me_ros.process.prepared_child import PreparedChild
 from pga_me_ros.tasks.spec import TaskSpec
 
@@ -60,11 +60,7 @@ class EarlyStart:
         trace: TracebackType | None,
     ) -> None:
         """Kill the processes that nobody has told to begin; they have done nothing yet."""
-        for process in self.processes.values():
-            process.send(signal.SIGKILL)
-        for process in self.processes.values():
-            process.wait()
-            process.close_input()
+        stop(list(self.processes.values()), at_once=True)
 
     def finish(self) -> None:
         """Wait until the cells are made.

@@ -84,7 +84,7 @@ def stored_generations(folder: Path) -> int:
     if not (folder / REPERTOIRE).is_file():
         return 0
     with suppress(StorageError), Repertoire.open(folder / REPERTOIRE, read_only=True) as file:
-        return len(file.generations())
+        return file.last_generation + 1
     return 0
 
 
