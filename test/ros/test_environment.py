@@ -25,6 +25,7 @@ from pga_me_ros.ros.dds_choices import (
     is_local,
 )
 from pga_me_ros.ros.environment import prepare_environment
+from pga_me_ros.ros.graph_node import HEARTBEAT
 
 FILE = PROFILES[0]
 QOS = {QOS_FROM_PROFILES: "1"}
@@ -109,6 +110,17 @@ def test_the_range_is_not_set_if_the_users_profiles_have_transports(
     skipping = {SKIP_PROFILES_IN_FOLDER: "1"}
     prepare_environment(skipping)
     assert skipping[FILE] == str(OUR_PROFILES)
+
+
+@pytest.mark.parametrize("profiles", [OUR_PROFILES, OUR_UDP_PROFILES, OUR_MEMORY_PROFILES])
+def test_announcements_that_others_missed_are_repeated_soon(profiles: Path) -> None:
+    builtin = "r:participant/r:rtps/r:builtin/r:discovery_config/r:leaseAnnouncement"
+    space = {"r": "http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles"}
+    repeated = ET.parse(profiles).getroot().find(builtin, space)
+    assert repeated is not None
+    unit = {part.tag.rpartition("}")[2]: int(part.text or 0) for part in repeated}
+    seconds = unit.get("sec", 0) + unit.get("nanosec", 0) * 1e-9
+    assert 0 < seconds < HEARTBEAT  # by itself Fast DDS waits 3 s
 
 
 def test_transports_in_the_environment_file_of_fast_dds_take_precedence(tmp_path: Path) -> None:
