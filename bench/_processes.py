@@ -104,6 +104,16 @@ def core_seconds(orchestrator: int) -> dict[str, float]:
     return out
 
 
+def core_seconds_beside(orchestrator: int) -> float:
+    """Return the core seconds used by all processes that this one has started, except those of a run."""
+    used, left = 0.0, [pid for pid in children_of(os.getpid()) if pid != orchestrator]
+    while left:
+        pid = left.pop()
+        used += _used(Path(f"/proc/{pid}"))
+        left += children_of(pid)
+    return used
+
+
 def listening_seconds(orchestrator: int) -> dict[str, float]:
     """Return the core seconds of the threads that send and receive: the first one and those of Fast DDS.
 

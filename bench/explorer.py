@@ -6,6 +6,9 @@ Chromium (B), and with a client that asks for news and reads nothing (C), in the
 the times of B and C relative to A, each as the ratio of the medians over all generations of all rounds. The repertoires
 must be equal, bit for bit.
 
+Times of single runs differ by more than a page costs, so the core time of the explorer and the browser is counted, too,
+as a share of what this machine's cores have to give while the generations go on; opening the page is not part of it.
+
 Chromium takes part in the time of this machine's cores: it draws the map again whenever generations have come in.
 Without a graphics card, robots in motion would be drawn by the processor, too; so they stand still, unless `--play` is
 given.
@@ -15,6 +18,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import re
 import signal
 import socket
@@ -30,7 +34,7 @@ from pathlib import Path
 from typing import Any
 
 from _measure import spread
-from _processes import running, wait_for_generation
+from _processes import core_seconds_beside, running, wait_for_generation
 from _run_times import committed
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "test/explorer"))
@@ -82,8 +86,13 @@ def slow_client() -> Iterator[None]:
             yield
 
 
-def run(way: str, generations: int, browser: Any, play: bool) -> tuple[list[float], str]:
-    """Carry out a run, and return the seconds of each compared generation and the repertoire's digest."""
+def run(way: str, generations: int, browser: Any, play: bool) -> tuple[list[float], str, float]:
+    """Carry out a run.
+
+    Returns:
+        The seconds of each compared generation, the repertoire's digest, and the core time of who watched, as a share
+        of that of the machine.
+    """
     values = {
         "task": "qd_walker",
         "seed": 1,
@@ -104,7 +113,11 @@ def run(way: str, generations: int, browser: Any, play: bool) -> tuple[list[floa
             wait_for_generation(process, file, 0)
             with watching[way]():
                 first = max(SKIPPED, len(committed(file)) + 1)  # the page may have opened late
+                wait_for_generation(process, file, first)
+                began, used = time.perf_counter(), core_seconds_beside(process.pid)
                 wait_for_generation(process, file, SKIPPED + generations - 1)
+                used = core_seconds_beside(process.pid) - used
+                share = used / (time.perf_counter() - began) / (os.cpu_count() or 1)
             process.wait()
         with Repertoire.open(file, read_only=True) as repertoire:
             digest = repertoire.result_digest()
@@ -113,22 +126,25 @@ def run(way: str, generations: int, browser: Any, play: bool) -> tuple[list[floa
         raise SystemExit(
             f"The run ended before the page was open; give more --generations than {generations}."
         )
-    return seconds[first - 1 :], digest
+    return seconds[first - 1 :], digest, share
 
 
 def measure(rounds: int, generations: int, browser: Any, play: bool) -> dict[str, Any]:
     """Take turns, and return the figures."""
     seconds: dict[str, list[list[float]]] = {way: [] for way in WAYS}
+    shares: dict[str, list[float]] = {way: [] for way in WAYS}
     digests = set()
     for number in range(rounds):
         for way in WAYS:
             began = time.perf_counter()
-            found, digest = run(way, generations, browser, play)
+            found, digest, share = run(way, generations, browser, play)
             seconds[way].append(found)
+            shares[way].append(share)
             digests.add(digest)
             print(
                 f"round {number + 1}, {way}: median {statistics.median(found):.3f} s of {len(found)} generations, "
-                f"{time.perf_counter() - began:.0f} s in all",
+                f"{time.perf_counter() - began:.0f} s in all, "
+                f"{100 * share:.1f} % of the cores' time for who watches",
                 flush=True,
             )
     if len(digests) > 1:
@@ -142,6 +158,7 @@ def measure(rounds: int, generations: int, browser: Any, play: bool) -> dict[str
                     for a, b in zip(seconds["none"], seconds[way], strict=True)
                 ]
             ),
+            "share of core time": spread(shares[way]),
         }
         for way in WAYS[1:]
     }

@@ -30,8 +30,9 @@ PROGRAM = Program("explorer", "Shows a repertoire in the browser.", ())
 SILENT_AFTER = 5.0
 """Seconds without word from the orchestrator after which the page says so; it speaks once a second."""
 
-PAUSE = 40.0
-"""After behaviors were fetched, none are fetched for this many times as long: the archive manager has other work."""
+PAUSE = 100.0
+"""After behaviors were fetched, none are fetched for this many times as long: the archive manager has other work, and a
+browser on a machine without a graphics card takes some tenths of a core second to draw the map again."""
 
 
 def open_graphs(namespaces: Sequence[str], ros_args: Sequence[str]) -> list[GraphSource]:

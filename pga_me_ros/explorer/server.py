@@ -256,7 +256,7 @@ class Server:
                     yield f"data: {news}\n\n"
                 elif quiet % 20 == 0:
                     yield ": still here\n\n"
-                await asyncio.sleep(LOOK_EVERY / 2)
+                await asyncio.sleep(LOOK_EVERY)
         finally:
             self.watched -= 1
 
