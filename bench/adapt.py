@@ -1,7 +1,7 @@
-"""How much of its fitness a damaged hopper gets back, over a list of damages that was fixed before the first run.
+"""How much of its fitness a damaged robot gets back, over a list of damages that was fixed before its first run.
 
-``python bench/adapt.py --out build/adapt --seconds 500`` simulates for so long at most; the same command goes on, and
-prints the tables of docs/adaptation.md once everything is there.
+``python bench/adapt.py zoo/qd_hopper --out build/adapt --seconds 500`` simulates for so long at most; the same command
+goes on, and prints the tables of docs/adaptation.md once everything is there. Each repertoire needs its own folder.
 
 Every elite runs from the same few poses under each damage. A trial of an adaptation, or of random search, is one of
 these episodes, drawn at random; what was chosen counts by the mean over all of the elite's episodes. The hindsight
@@ -28,19 +28,40 @@ from pga_me_ros.core.adaptation.adaptation import Adaptation, AdaptationSettings
 from pga_me_ros.core.adaptation.alternatives import random_search
 from pga_me_ros.core.adaptation.performance_map import PerformanceMap
 
-REPERTOIRE = "zoo/qd_hopper"
-DAMAGES = (
-    "weak thigh_joint 0.5",
-    "weak leg_joint 0.5",
-    "weak foot_joint 0.5",
-    "jam foot_joint",
-    "jam leg_joint -0.3",
-    "load 2",
-    "slope 5",
-    "slope -5",
-    "ice 0.5",
-    "ice 0.25",
-)
+DAMAGES = {
+    "qd_hopper": (
+        "weak thigh_joint 0.5",
+        "weak leg_joint 0.5",
+        "weak foot_joint 0.5",
+        "jam foot_joint",
+        "jam leg_joint -0.3",
+        "load 2",
+        "slope 5",
+        "slope -5",
+        "ice 0.5",
+        "ice 0.25",
+    ),
+    "qd_walker": (
+        "weak leg_joint 0.5",
+        "weak thigh_left_joint 0.5",
+        "jam foot_joint",
+        "jam leg_left_joint -0.5",
+        "free foot_left_joint",
+        "load 2",
+        "slope 5",
+        "ice 0.5",
+    ),
+    "qd_half_cheetah": (
+        "weak bthigh 0.5",
+        "jam bfoot",
+        "jam ffoot",
+        "free fshin",
+        "gone bfoot",
+        "load 5",
+        "slope 5",
+        "ice 0.3",
+    ),
+}
 TUNING = (
     "weak thigh_joint 0.4",
     "weak leg_joint 0.7",
@@ -51,7 +72,7 @@ TUNING = (
     "ice 0.35",
     "weak foot_joint 0.6",
 )
-"""Other damages, on which `--tune` compares length scales; none of them counts as evidence."""
+"""Other damages of the hopper, on which `--tune` compares length scales; none of them counts as evidence."""
 
 SCALES = ((0.4, 0.0), (0.2, 0.0), (0.1, 0.0), (0.05, 0.0), (0.02, 0.0), (0.4, 0.02))
 """What `--tune` compares: `length_scale` and `least_length_scale`."""
@@ -129,6 +150,11 @@ class Bench:
                 task.close()
         return rows[:, 0]
 
+    @property
+    def damages(self) -> tuple[str, ...]:
+        """What this robot suffers."""
+        return DAMAGES[self.run.settings.task]
+
     def check_time(self) -> None:
         """Raise TimeUpError if the seconds are over."""
         if time.monotonic() > self.deadline:
@@ -198,7 +224,7 @@ def report(bench: Bench, settings: AdaptationSettings) -> None:
     )
     print("|---|" + "---|" * 9)
     shares, counts, pairs = [], [], []
-    for damage in DAMAGES:
+    for damage in bench.damages:
         table = bench.table(damage)
         means = table.mean(axis=1)
         done = [adapted(bench, table, k, settings) for k in range(REPEATS)]
@@ -232,6 +258,7 @@ def report(bench: Bench, settings: AdaptationSettings) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("repertoire", nargs="?", default="zoo/qd_hopper")
     parser.add_argument("--out", type=Path, default=Path("build/adapt"))
     parser.add_argument("--seconds", type=float, default=500.0)
     parser.add_argument(
@@ -240,10 +267,10 @@ def main() -> None:
     parser.add_argument("--length-scale", type=float, default=AdaptationSettings().length_scale)
     parser.add_argument("--least-length-scale", type=float, default=0.0)
     args = parser.parse_args()
-    run = StoredRun.load(REPERTOIRE)
+    run = StoredRun.load(args.repertoire)
     bench = Bench(run, args.out, time.monotonic() + args.seconds)
     try:
-        for damage in TUNING if args.tune else ("", *DAMAGES):
+        for damage in TUNING if args.tune else ("", *bench.damages):
             bench.table(damage)
             if damage and not args.tune:
                 bench.climbs(damage)
