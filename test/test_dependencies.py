@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from pga_me_ros import nodes
 from pga_me_ros.dependencies import EXIT_BAD_INPUT, missing, missing_dependency
 
 HIDE = """
@@ -55,17 +56,34 @@ def hiding(tmp_path: Path):
 
 NODE = "pga_me_ros.nodes."
 PROGRAM = "pga_me_ros."
+NODES = sorted(path.stem for path in Path(nodes.__path__[0]).glob("[a-z]*.py"))
 
 
 @pytest.mark.parametrize(
     ("hidden", "command", "words"),
     [
-        ("pga_me_msgs", f"{NODE}orchestrator", "The message package pga_me_msgs is not installed"),
+        *(
+            ("pga_me_msgs", f"{NODE}{name}", "The message package pga_me_msgs is not installed")
+            for name in NODES
+        ),
+        ("pga_me_msgs", f"{PROGRAM}query", "The message package pga_me_msgs is not installed"),
+        ("pga_me_msgs", f"{PROGRAM}explorer", "The message package pga_me_msgs is not installed"),
+        ("rclpy", f"{PROGRAM}query", "rclpy of ROS 2 is not installed"),
         ("tf2_msgs", f"{NODE}behavior_player", "tf2_msgs of ROS 2 is not installed"),
         (
             "pybullet",
             f"{NODE}evaluator --ros-args -p task:=qd_hopper",
             "PyBullet is not installed (needed for task 'qd_hopper')",
+        ),
+        (
+            "pybullet",
+            f"{NODE}behavior_player --ros-args -p run_dir:=RUN",
+            "PyBullet is not installed (needed for task 'qd_hopper')",
+        ),
+        (
+            "gymnasium",
+            f"{NODE}evaluator --ros-args -p task:=gymnasium:Hopper-v5",
+            "Gymnasium is not installed (needed for task 'gymnasium:Hopper-v5')",
         ),
         (
             "mujoco",
@@ -80,6 +98,12 @@ PROGRAM = "pga_me_ros."
             "TensorBoard is not installed (needed for events of tensorboard:=true)",
         ),
         ("onnx", f"{PROGRAM}export RUN --to onnx --best", "onnx is not installed"),
+        ("torch", f"{PROGRAM}export RUN --to torchscript --best", "PyTorch is not installed"),
+        ("rosbags", f"{NODE}record --ros-args -p bag:=walker", "rosbags is not installed"),
+        ("rosbags", f"{PROGRAM}replay walker --out critics", "rosbags is not installed"),
+        ("starlette", f"{PROGRAM}explorer RUN", "Starlette is not installed"),
+        ("uvicorn", f"{PROGRAM}explorer RUN", "Uvicorn is not installed"),
+        ("jupyter_threejs_sage", f"{PROGRAM}explorer RUN", "three.js is not installed"),
     ],
 )
 def test_a_program_without_a_package_ends_with_one_line(
@@ -94,6 +118,25 @@ def test_a_program_without_a_package_ends_with_one_line(
     assert "; install it with: " in lines[0]
 
 
+@pytest.mark.parametrize(
+    ("hidden", "task", "words"),
+    [
+        ("pybullet", "qd_hopper", "PyBullet is not installed"),
+        ("gymnasium", "gymnasium:Hopper-v5", "Gymnasium is not installed"),
+        ("mujoco", "gymnasium:Hopper-v5", "MuJoCo is not installed"),
+    ],
+)
+def test_the_checker_of_tasks_names_it_as_its_finding(
+    hiding, hidden: str, task: str, words: str
+) -> None:
+    done = hiding(hidden, sys.executable, "-m", "pga_me_ros.tasks.check", task)
+    assert (done.returncode, done.stderr) == (1, "")
+    (finding,) = done.stdout.splitlines()
+    assert finding.startswith(f"{task}: ")
+    assert words in finding
+    assert "; install it with: " in finding
+
+
 def test_a_run_without_torch_ends_with_one_line_and_no_restart(hiding, tmp_path: Path) -> None:
     run = f"{NODE}orchestrator --ros-args -p run_dir:={tmp_path / 'run'} -p evaluators:=1"
     done = hiding("torch", sys.executable, "-m", *run.split())
@@ -104,8 +147,9 @@ def test_a_run_without_torch_ends_with_one_line_and_no_restart(hiding, tmp_path:
     assert "install it with: " in errors[0]
     assert "Traceback" not in done.stderr
     assert "restart" not in done.stderr
-    log = next((tmp_path / "run" / "logs").glob("critic_trainer*.log")).read_text()
-    assert log.count("PyTorch is not installed") == 1  # started once
+    logs = [tmp_path / "run" / "logs" / f"{name}.log" for name in ("critic_trainer", "variation")]
+    told = [log.read_text().count("PyTorch is not installed") for log in logs if log.exists()]
+    assert max(told) == 1  # whichever comes first ends the run; neither is started twice
 
 
 def test_an_installed_script_says_it_as_well(hiding) -> None:

@@ -14,7 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from pga_me_ros.errors import TaskError
+from pga_me_ros.dependencies import missing_dependency
+from pga_me_ros.errors import PgaError
 from pga_me_ros.tasks.protocol import NonFiniteActionError
 from pga_me_ros.tasks.registry import load_task
 from pga_me_ros.tasks.rollout import LARGEST_REWARD, Episode, rollout
@@ -227,6 +228,7 @@ def _attempt(what: str, call: Callable[[], Any]) -> tuple[Any, str]:
 
 
 def _text(error: BaseException) -> str:
+    error = missing_dependency(error) or error
     return f"{type(error).__name__}: {error}"
 
 
@@ -256,7 +258,7 @@ def main(arguments: list[str]) -> int:
     for name in parser.parse_args(arguments).tasks:
         try:
             findings = check_task(load_task(name))
-        except TaskError as error:
+        except PgaError as error:
             findings = [str(error)]
         for finding in findings or ["follows the task protocol"]:
             print(f"{name}: {finding}")

@@ -44,6 +44,28 @@ class Reticent(QDHopper):
     spec = dataclasses.replace(QDHopper.spec, step_descriptor_names=())
 """
 
+SWINGING = """
+import gymnasium
+import numpy as np
+
+
+def height(observations, actions):
+    return [float(observations[:, 0].mean())]
+
+
+def too_long(observations, actions):
+    return [0.0, 0.0, 0.0]
+
+
+height.low, height.high = [-1.0], [1.0]
+too_long.low, too_long.high = [0.0, 0.0], [1.0, 1.0]
+
+
+class GivesNan(gymnasium.ObservationWrapper):
+    def observation(self, observation):
+        return observation * np.nan
+"""
+
 
 def refusal(graph: Graph, kind: str, *arguments: str) -> str:
     """Start a node that must refuse, and return its message without ``error:``."""
@@ -94,6 +116,9 @@ def make_run(run_dir: Path) -> Path:
         ({"randomization": "masses 1 2"}, "has 'masses 1 2' (did you mean 'mass'?)"),
         ({"extract_share": 0.01}, "extract_share is 0.01, which is 0 of a batch of 10"),
         ({"cells": 3000}, "3000 cells cannot be made of 2000 samples; give"),
+        ({"task": "gymnasium:Hoper-v5"}, "no environment 'Hoper-v5' (did you mean 'Hopper-v5'?)"),
+        ({"task": "gymnasium:CartPole-v1"}, "action space Discrete(2); expected a Box"),
+        ({"task": "gymnasium:Hopper-v5?descriptor=nope:reach"}, "'nope:reach' does not load"),
     ],
     ids=lambda case: next(iter(case)) if isinstance(case, dict) else "",
 )
@@ -200,6 +225,23 @@ def test_a_task_that_fails_during_the_run_ends_the_run_with_its_reason(
     monkeypatch.setenv("PYTHONPATH", str(tmp_path), prepend=os.pathsep)
     words = refused_run(graph, tmp_path / "run", task="my_robots:Stumbling")
     assert "cannot be done: internal fault: RuntimeError: lost a leg" in words
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ("descriptor=swinging:too_long", "gave [0.0, 0.0, 0.0]; expected 2 finite numbers"),
+        ("descriptor=swinging:height&wrapper=swinging:GivesNan", "left the finite numbers"),
+    ],
+    ids=["length", "NaN"],
+)
+def test_an_environment_or_descriptor_that_fails_during_the_run_ends_it_with_the_reason(
+    graph: Graph, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, options: str, words: str
+) -> None:
+    (tmp_path / "swinging.py").write_text(SWINGING)
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path), prepend=os.pathsep)
+    task = f"gymnasium:Pendulum-v1?{options}&max_steps=20"
+    assert words in refused_run(graph, tmp_path / "run", task=task)
 
 
 @dataclass
