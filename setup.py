@@ -4,6 +4,7 @@ from glob import glob
 from pathlib import Path
 
 from setuptools import find_packages, setup
+from setuptools.command.develop import develop
 
 PACKAGE = "pga_me_ros"
 
@@ -16,6 +17,18 @@ PROGRAMS = [name for name in EXECUTABLES if (ROOT / PACKAGE / name / "__main__.p
 MODULES = {
     name: f"{name}.__main__" if name in PROGRAMS else f"nodes.{name}" for name in EXECUTABLES
 }
+
+
+class DevelopWithoutScripts(develop):
+    """What ``colcon build --symlink-install`` runs.
+
+    The executables among data_files are linked into lib/pga_me_ros and run in the Python on PATH. Scripts of the entry
+    points would take their place, with the path of the interpreter that builds.
+    """
+
+    def install_wrapper_scripts(self, dist):
+        """Write none."""
+
 
 setup(
     name=PACKAGE,
@@ -61,5 +74,6 @@ setup(
         (f"share/{PACKAGE}/config/presets", sorted(glob("config/presets/*"))),
         (f"lib/{PACKAGE}", [f"resource/executables/{name}" for name in EXECUTABLES]),
     ],
+    cmdclass={"develop": DevelopWithoutScripts},
     zip_safe=False,
 )

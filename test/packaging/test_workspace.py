@@ -176,6 +176,16 @@ def test_every_node_and_program_is_an_executable(installation: Installation) -> 
     )
 
 
+def test_executables_run_in_the_python_on_path(installation: Installation, tmp_path: Path) -> None:
+    python = tmp_path / "python3"
+    python.write_text("#!/bin/sh\necho that of PATH\n")
+    python.chmod(0o755)
+    for name in ("orchestrator", "query"):
+        executable = installation.prefix / "lib" / "pga_me_ros" / name
+        result = installation.bash(f"export PATH={tmp_path}:$PATH; exec {executable}")
+        assert result.stdout == "that of PATH\n"
+
+
 def test_every_config_is_installed(installation: Installation) -> None:
     installed = installation.prefix / "share" / "pga_me_ros" / "config"
     names = sorted(path.name for path in (ROOT / "config").iterdir())
