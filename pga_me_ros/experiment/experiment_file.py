@@ -78,7 +78,7 @@ def _experiment(content: Any) -> Experiment:
 def _reevaluations(given: Any) -> int:
     if type(given) is not int or not 0 <= given <= MOST_REEVALUATIONS:
         raise SettingsError(
-            f"reevaluations is {given!r}; give how often each elite of a finished run is evaluated again, 0 to "
+            f"reevaluations is {given!r}; give how often each elite of a finished run is re-evaluated, 0 to "
             f"{MOST_REEVALUATIONS:,}."
         )
     return given

@@ -27,8 +27,8 @@ class StoredCell:
 
     Attributes:
         evaluations: Evaluations that are committed.
-        grown: Whether the budget is reached, and the elites were evaluated again as often as the experiment asks for.
-        reevaluated: Whether the best controller of every generation was evaluated again.
+        grown: Whether the budget is reached, and the elites were re-evaluated as often as the experiment asks for.
+        reevaluated: Whether the best controller of every generation was re-evaluated.
     """
 
     evaluations: int

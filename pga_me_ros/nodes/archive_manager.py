@@ -41,7 +41,7 @@ STATUS = {status: getattr(AddToArchive.Request, status.name) for status in Statu
 """The message's number for each outcome of a solution."""
 
 LOOK_PERIOD = 1.0
-"""Seconds between two looks at whether the elites were evaluated again."""
+"""Seconds between two looks at whether the elites were re-evaluated."""
 
 GROWING = ("starting", "running", "paused")
 """States of a run in which it adds to the repertoire, or will."""
@@ -289,7 +289,7 @@ class ArchiveManager(GraphNode):
         self.get_logger().info(words)
 
     def _look(self) -> None:
-        """Tell whoever watches when the elites were evaluated again."""
+        """Tell whoever watches when the elites were re-evaluated."""
         if self._readers.outdated:
             self._show()
 

@@ -1,4 +1,4 @@
-"""The end of a run: its elites are evaluated again from other initial poses, by the run's own evaluators."""
+"""The end of a run: its elites are re-evaluated from other initial poses, by the run's own evaluators."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ class FinalReevaluation:
             finally:
                 work.close()
         except PgaError as error:
-            self._progress.say(f"warning: the elites were not all evaluated again: {error}")
+            self._progress.say(f"warning: not all elites were re-evaluated: {error}")
             return
         if corrected:
             self._progress.say(

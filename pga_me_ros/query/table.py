@@ -37,7 +37,7 @@ def about(info: RepertoireInfo) -> str:
     ]
     if info.corrected_repeats:
         lines.append(
-            f"all evaluated again {info.corrected_repeats} times or more: {info.corrected_coverage} cells of the "
+            f"all re-evaluated {info.corrected_repeats} times or more: {info.corrected_coverage} cells of the "
             f"corrected archive, {100.0 * info.corrected_fall_share:.1f} % falls"
         )
     lines.append(

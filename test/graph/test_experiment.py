@@ -74,10 +74,10 @@ def test_an_experiment_resumes_where_it_was_stopped_and_continues_after_a_failur
     for name, run in runs.items():
         expected = search_digest(task=TASK, seed=4, evaluations=BUDGET, n_evo=ALGORITHMS[name])
         assert run_digest(run) == expected, name
-        assert_best_controllers_were_evaluated_again(run)
+        assert_best_controllers_were_reevaluated(run)
 
 
-def assert_best_controllers_were_evaluated_again(run: Path) -> None:
+def assert_best_controllers_were_reevaluated(run: Path) -> None:
     with Repertoire.open(run / "repertoire.db", read_only=True) as repertoire:
         rows = Reevaluations.load(repertoire.path, repertoire.info.run_id, 1)
         best = sorted({m.best_evaluation for m in repertoire.metrics()})

@@ -1,4 +1,4 @@
-"""The end of a run: its elites are evaluated again by its evaluators, which changes nothing about the repertoire."""
+"""The end of a run: its elites are re-evaluated by its evaluators, which changes nothing about the repertoire."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def _is_growing(probe: Probe) -> bool:
     return all(probe.call(GetInfo, names.GET_INFO).growing for _ in range(20))
 
 
-def test_a_repertoire_no_longer_grows_while_it_is_evaluated_again(run: Run) -> None:
+def test_a_repertoire_no_longer_grows_while_it_is_reevaluated(run: Run) -> None:
     assert not run.growing
 
 
@@ -190,6 +190,6 @@ def test_a_file_that_cannot_be_used_is_told_and_the_run_is_finished(
             assert again.wait() == 0, again.output
         finally:
             graph.kill()
-    assert "warning: the elites were not all evaluated again: " in again.output
+    assert "warning: not all elites were re-evaluated: " in again.output
     assert "is damaged or no file of re-evaluations" in again.output
     assert f"finished: {run.folder / REPERTOIRE}" in again.output

@@ -152,7 +152,7 @@ def test_it_is_served(old: Old, client: RepertoireClient) -> None:
     assert best.fitness == max(elite["fitness"] for elite in elites.values())
     np.testing.assert_array_equal(best.controller.parameters, elites[best.cell]["parameters"])
     if (old.path / "reevaluations.npz").exists():
-        assert info.corrected_repeats == 0, "only some of its elites were evaluated again"
+        assert info.corrected_repeats == 0, "only some of its elites were re-evaluated"
         by_mean = client.get_behavior(best=True, by_mean=True)
         assert (by_mean.by_mean, 0.0 <= by_mean.fall_share <= 1.0) == (True, True)
         assert by_mean.mean_fitness == pytest.approx(mean_fitness(old.stored)[by_mean.evaluation])

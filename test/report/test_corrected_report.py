@@ -40,7 +40,7 @@ def outcomes(run: StoredRun, less: float) -> list[RepeatOutcome]:
 
 @pytest.fixture
 def again(hopper_run: Path, tmp_path: Path) -> StoredRun:
-    """The run after all of its elites were evaluated again, in its own world and in another one."""
+    """The run after all of its elites were re-evaluated, in its own world and in another one."""
     folder = Path(shutil.copytree(hopper_run, tmp_path / "again"))
     run = StoredRun.load(folder)
     rows = Reevaluations.none(run.info.run_id, 1).with_more(outcomes(run, 3.0))

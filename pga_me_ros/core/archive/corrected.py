@@ -1,4 +1,4 @@
-"""What an archive is worth once its elites were evaluated again: the measures of Flageat & Cully (2023).
+"""What an archive is worth once its elites were re-evaluated: the measures of Flageat & Cully (2023).
 
 Flageat & Cully, *Uncertain Quality-Diversity: Evaluation methodology and new methods for Quality-Diversity in Uncertain
 Domains* (arXiv 2302.00463): the **corrected archive** takes all elites into an empty archive by the means of their

@@ -1,4 +1,4 @@
-"""What elites did on average when they were evaluated again: mean, spread and falls, per cell."""
+"""What elites did on average when they were re-evaluated: mean, spread and falls, per cell."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Evaluating the elites of a stored run again: what is left to do, and where what was done goes."""
+"""Re-evaluating the elites of a stored run: what is left to do, and where what was done goes."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Reevaluating:
 
     Args:
         run: The run.
-        chosen: (P,) float32 parameters of the controllers to evaluate again, by evaluation id.
+        chosen: (P,) float32 parameters of the controllers to re-evaluate, by evaluation id.
         repeats: Wanted re-evaluations of each.
         elsewhere: What is randomized, where that is something else than in the run; None for the run's own world.
 

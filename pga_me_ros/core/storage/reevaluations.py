@@ -1,4 +1,4 @@
-"""What elites did when they were evaluated again from other initial poses: a file of its own next to the repertoire.
+"""What elites did when they were re-evaluated from other initial poses: a file of its own next to the repertoire.
 
 An elite owes its place to one evaluation, in which it may have been lucky. The mean of several tells what a robot may
 expect; its difference to the one fitness is the "fitness difference" of Nilsson & Cully (2021).

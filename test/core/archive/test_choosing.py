@@ -15,7 +15,7 @@ from pga_me_ros.core.archive.statistics import Statistics
 from pga_me_ros.errors import RequestError
 
 LUCKY, STEADY, UNKNOWN = 0, 2, 3
-"""Cells: found with 100 but worth 20, found with 50 and worth 50, found with 40 and not evaluated again."""
+"""Cells: found with 100 but worth 20, found with 50 and worth 50, found with 40 and not re-evaluated."""
 
 
 @pytest.fixture

@@ -107,7 +107,7 @@ def test_measures_are_those_computed_by_hand(archive: Archive) -> None:
     assert measured.fall_share == pytest.approx((1.0 + 0.5 + 0.0) / 3)
 
 
-def test_only_when_all_elites_were_evaluated_again_is_the_archive_measured(
+def test_only_when_all_elites_were_reevaluated_is_the_archive_measured(
     archive: Archive,
 ) -> None:
     some, all_of_them = (TENTH, ELEVENTH), (TENTH, ELEVENTH, TWELFTH)
