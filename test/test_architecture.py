@@ -91,7 +91,7 @@ MAY_IMPORT = {
     "demo": {"client", "core*", "process", "ros", "tasks"},
     "player": {"client", "core*", "tasks"},
     "render": {"core*", "player", "process", "tasks"},
-    "explorer": {"client", "core*", "export", "player", "process", "ros", "tasks"},
+    "explorer": {"client", "core*", "export", "player", "process", "query", "ros", "tasks"},
     "report": {"core*", "experiment", "process", "tasks"},
     "export": {"core*", "process", "tasks"},
     "thin": {"core*", "process"},

@@ -6,6 +6,8 @@ import sys
 import threading
 import time
 from collections.abc import Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import rclpy
@@ -20,8 +22,10 @@ from pga_me_ros.explorer.description import describe_cells, describe_elites, des
 from pga_me_ros.explorer.history import History
 from pga_me_ros.explorer.run_watch import RunWatch
 from pga_me_ros.explorer.served_archive import served_archive, spec_of
+from pga_me_ros.explorer.source import FORMATS
 from pga_me_ros.explorer.steering import ACTIONS, Steering
 from pga_me_ros.player.gait import Gait
+from pga_me_ros.query.saving import require_savable, save
 from pga_me_ros.ros.command_line import Program, start
 from pga_me_ros.ros.node_names import require_valid_namespace
 
@@ -79,7 +83,6 @@ class GraphSource:
     def __init__(self, namespace: str) -> None:
         self._node = rclpy.create_node(PROGRAM.name, namespace=namespace or None)
         self._client = RepertoireClient(self._node)
-        self._steering = Steering(self._node)
         self._watch = RunWatch(self._node)
         self._history = History()
         self.version = 0
@@ -91,7 +94,8 @@ class GraphSource:
             info = self._first_generation()
             self._run_id = info.run_id
             self.settings = Settings.from_stored(info.settings)
-            self._spec, self._known_task = spec_of(info, self.settings)
+            self._steering = Steering(self._node, self.settings)
+            self._spec, self._unlike = spec_of(info, self.settings)
             self.content: dict[str, Any] = {}
             self._shown = (info.generation, info.corrected_repeats)
             self._next_read = 0.0
@@ -127,7 +131,11 @@ class GraphSource:
 
     def download(self, cell: int, kind: str) -> bytes:
         """See `Source`."""
-        raise RequestError(f"ros2 run pga_me_ros query --cell {cell} --save gait.onnx writes it.")
+        with TemporaryDirectory() as folder:
+            out = Path(folder) / f"gait{FORMATS[kind]}"
+            require_savable(out)
+            save(self._client.get_behavior(cell=cell), self._client.get_info(), out)
+            return out.read_bytes()
 
     def control(self, action: str, values: dict[str, Any]) -> str:
         """See `Source`."""
@@ -180,7 +188,7 @@ class GraphSource:
             )
         self._history.extend(self._client.list_generations(self._history.first_wanted))
         self._next_read = time.monotonic() + PAUSE * (time.monotonic() - began)
-        archive, known = served_archive(self._spec, self.settings, behaviors)
+        archive, known, note = served_archive(info, self._spec, self.settings, behaviors)
         namespace = self._node.get_namespace()
         self.content = {
             "run": {
@@ -190,9 +198,7 @@ class GraphSource:
                 "algorithm": self.settings.algorithm,
                 "seed": self.settings.seed,
                 "run_id": info.run_id,
-                "note": ""
-                if self._known_task
-                else f"task '{info.task}' is unknown on this machine",
+                "note": "; ".join(filter(None, (self._unlike, note))),
             },
             "spec": describe_spec(self._spec),
             "archive": describe_cells(archive),

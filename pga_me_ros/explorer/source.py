@@ -131,7 +131,7 @@ class StoredSource:
         """See `Source`."""
 
     def _described(self) -> dict[str, Any]:
-        return describe(self._run, self._name) | {"downloads": True}
+        return describe(self._run, self._name)
 
     def _stamp_now(self) -> tuple[tuple[int, int] | None, ...]:
         """Return time and size of each file that the page depends on."""

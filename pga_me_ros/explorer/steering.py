@@ -13,6 +13,7 @@ from rclpy.parameter import Parameter, parameter_value_to_python
 from std_srvs.srv import Trigger
 
 from pga_me_ros.core.settings import RATES, Settings
+from pga_me_ros.core.settings.rules import useless
 from pga_me_ros.errors import RequestError
 
 ACTIONS = ("pause", "resume", "stop")
@@ -29,12 +30,15 @@ class Steering:
 
     Args:
         node: Node to call through.
+        settings: Settings of the run, which say what rates it has.
 
     Attributes:
         rates: The rates in force, with description and range, as they were last read; empty before.
     """
 
-    def __init__(self, node: Node) -> None:
+    def __init__(self, node: Node, settings: Settings) -> None:
+        unused = useless(RATES, settings.algorithm, settings.archive)
+        self._names = [name for name in RATES if name not in unused]
         self._triggers = {
             name: node.create_client(Trigger, f"{ORCHESTRATOR}/{name}") for name in ACTIONS
         }
@@ -67,8 +71,9 @@ class Steering:
         request = SetParameters.Request()
         fields = {f.name: f for f in dataclasses.fields(Settings)}
         for name, value in values.items():
-            if name not in RATES:
-                raise RequestError(f"'{name}' is no rate; these are: {', '.join(RATES)}.")
+            if name not in self._names:
+                listed = ", ".join(self._names)
+                raise RequestError(f"'{name}' is no rate of this run; these are: {listed}.")
             kind: Any = type(fields[name].default)
             try:
                 number = kind(value)
@@ -82,7 +87,7 @@ class Steering:
         return "from the next generation on: " + ", ".join(f"{n} = {v}" for n, v in values.items())
 
     def _read_rates(self) -> None:
-        answer = self._call(self._get, GetParameters.Request(names=list(RATES)))
+        answer = self._call(self._get, GetParameters.Request(names=self._names))
         fields = {f.name: f for f in dataclasses.fields(Settings)}
         self.rates = [
             {
@@ -92,7 +97,7 @@ class Steering:
                 "low": fields[name].metadata["low"],
                 "high": fields[name].metadata["high"],
             }
-            for name, value in zip(RATES, answer.values, strict=True)
+            for name, value in zip(self._names, answer.values, strict=True)
         ]
 
     def _call(self, client: Client, request: Any) -> Any:

@@ -139,8 +139,9 @@ def _model_maker(kind: str) -> Callable[[Source, Elite], bytes]:
 
         require_onnx()
         return onnx_bytes
-    from pga_me_ros.export.torchscript import torchscript_bytes
+    from pga_me_ros.export.torchscript import require_torch, torchscript_bytes
 
+    require_torch()
     return torchscript_bytes
 
 

@@ -173,7 +173,7 @@ def _parser() -> argparse.ArgumentParser:
         "--save",
         type=user_path,
         metavar="FILE",
-        help="also write the behavior: FILE.onnx or FILE.npz",
+        help="also write the behavior: FILE.onnx, FILE.npz or FILE.pt (TorchScript)",
     )
     parser.add_argument(
         "--timeout",

@@ -1,4 +1,4 @@
-"""A behavior that was asked for as a file: an ONNX model, or NumPy arrays."""
+"""A behavior that was asked for as a file: an ONNX model, TorchScript, or NumPy arrays."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from pga_me_ros.core.storage.npz import FORMAT, LAYOUT, save_arrays
 from pga_me_ros.errors import RequestError
 from pga_me_ros.ros.convert import PURE_NUMBER
 
-ENDINGS = (".onnx", ".npz")
+ENDINGS = (".onnx", ".npz", ".pt")
 
 _LIMITED = ("action", "observation", "joint")
 
@@ -27,14 +27,18 @@ def require_savable(path: Path) -> None:
 
     Raises:
         RequestError: The name ends in something else.
-        PgaError: The onnx package is not installed, but the name asks for it.
+        PgaError: The onnx or torch package is not installed, but the name asks for it.
     """
     if path.suffix not in ENDINGS:
-        raise RequestError(f"--save is '{path}'; give a name that ends in {' or '.join(ENDINGS)}.")
+        raise RequestError(f"--save is '{path}'; give a name that ends in {', '.join(ENDINGS)}.")
     if path.suffix == ".onnx":
         from pga_me_ros.export.onnx_model import require_onnx
 
         require_onnx()
+    if path.suffix == ".pt":
+        from pga_me_ros.export.torchscript import require_torch
+
+        require_torch()
 
 
 def save(behavior: Behavior, info: RepertoireInfo, path: Path) -> None:
@@ -51,11 +55,14 @@ def save(behavior: Behavior, info: RepertoireInfo, path: Path) -> None:
     if path.suffix == ".npz":
         save_arrays(path, _arrays(behavior, info))
         return
-    from pga_me_ros.export.onnx_model import controller_bytes
+    if path.suffix == ".pt":
+        from pga_me_ros.export.torchscript import scripted_bytes as as_bytes
+    else:
+        from pga_me_ros.export.onnx_model import controller_bytes as as_bytes
 
     controller = behavior.controller
     shape = MlpShape(controller.layer_sizes)
-    save_bytes(path, controller_bytes(shape, controller.parameters, _about(behavior, info)))
+    save_bytes(path, as_bytes(shape, controller.parameters, _about(behavior, info)))
 
 
 def _about(behavior: Behavior, info: RepertoireInfo) -> dict[str, str]:

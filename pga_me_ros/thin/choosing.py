@@ -11,13 +11,9 @@ import numpy as np
 from pga_me_ros.arrays import Int64Array
 from pga_me_ros.core.archive.archive import Archive
 from pga_me_ros.core.archive.corrected import NOBODY, corrected_owners
-from pga_me_ros.core.archive.cvt import CvtArchive, cvt_centroids
+from pga_me_ros.core.archive.make_archive import thinned_archive
 from pga_me_ros.core.archive.statistics import Statistics
-from pga_me_ros.core.rng import Purpose, generator
 from pga_me_ros.errors import RequestError
-
-SAMPLES_PER_CELL = 250
-"""Uniform samples per cell that the cells of a thinned archive are computed from."""
 
 ROUNDS = 8
 """Numbers of cells that are tried: how many of them are filled is known only once they are made."""
@@ -97,11 +93,7 @@ def _steady(archive: Archive, known: Statistics, wanted: Thinning) -> Statistics
 def _empty(archive: Archive, cells: int) -> Archive:
     """Return an empty archive of so many cells that covers the same descriptor space."""
     low, high = archive.low.tolist(), archive.high.tolist()
-    rng = generator(0, Purpose.CENTROIDS, 0, cells)
-    samples = max(10_000, SAMPLES_PER_CELL * cells)
-    return CvtArchive(
-        cvt_centroids(cells, low, high, samples, rng), low, high, archive.parameter_count
-    )
+    return thinned_archive(cells, low, high, archive.parameter_count)
 
 
 def _count(owners: Int64Array) -> int:

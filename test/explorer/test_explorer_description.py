@@ -6,29 +6,36 @@ import base64
 import dataclasses
 import json
 import re
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import pytest
 from pga_me_msgs.srv import GetInfo, ListGenerations
 
-from pga_me_ros.client import ListedGeneration, RepertoireInfo
+from pga_me_ros.client import ListedBehavior, ListedGeneration, RepertoireInfo
+from pga_me_ros.core.archive.archive import Archive
+from pga_me_ros.core.archive.elites import Elite
+from pga_me_ros.core.archive.grid import GridArchive
+from pga_me_ros.core.archive.make_archive import cvt_archive
+from pga_me_ros.core.archive.statistics import Statistics
 from pga_me_ros.core.evaluation import evaluation_rng
+from pga_me_ros.core.operators import Operator
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.core.storage.repertoire import Repertoire
 from pga_me_ros.core.storage.stored_run import StoredRun
 from pga_me_ros.dependencies import WEB
-from pga_me_ros.errors import TaskError
 from pga_me_ros.explorer import page
 from pga_me_ros.explorer.__main__ import MOTIONS, main
 from pga_me_ros.explorer.description import describe
 from pga_me_ros.explorer.history import History
 from pga_me_ros.explorer.motion import LEVELS, EpisodeStart, describe_motion, pack, recorded
 from pga_me_ros.explorer.recorder import Recorder, chosen_cells
-from pga_me_ros.explorer.served_archive import served_archive, spec_of
+from pga_me_ros.explorer.served_archive import grid_bins, served_archive, spec_of
 from pga_me_ros.player.watched_rollout import record
+from pga_me_ros.ros.convert import behavior_to_msg
 from pga_me_ros.serving.generations import list_generations
-from pga_me_ros.tasks.registry import make_task
+from pga_me_ros.tasks.registry import make_task, task_spec
 
 ZOO = Path("zoo/qd_hopper")
 
@@ -76,22 +83,106 @@ def test_the_history_that_a_graph_tells_is_that_of_the_file(
         assert mine == {name: theirs[name] for name in mine}
 
 
+def served(
+    archive: Archive, task: str, names: Sequence[str], known: Statistics | None = None
+) -> tuple[RepertoireInfo, list[ListedBehavior]]:
+    """Return what the services tell of an archive."""
+    known = known or Statistics.none(archive.cells, archive.dimensions)
+    response = GetInfo.Response(task=task, archive=archive.kind, settings="{}", versions="{}")
+    response.descriptor_names = list(names)
+    response.descriptor_low = archive.low.tolist()
+    response.descriptor_high = archive.high.tolist()
+    response.metrics.cells = archive.cells
+    behaviors = [
+        ListedBehavior.from_msg(behavior_to_msg(elite, known, by_mean=False))
+        for elite in archive.elites()
+    ]
+    return RepertoireInfo.from_response(response), behaviors
+
+
+def filled(archive: Archive, count: int) -> Archive:
+    """Put controllers without parameters to speak of into an archive, some of them on edges between cells."""
+    rng = np.random.default_rng(0)
+    shares = rng.random((count, archive.dimensions))
+    shares[::3] = np.rint(12.0 * shares[::3]) / 12.0
+    descriptors = archive.low + shares * (archive.high - archive.low)
+    for cell, descriptor in zip(archive.cell_of(descriptors).tolist(), descriptors, strict=True):
+        parameters = np.zeros(1, np.float32)
+        archive.put(Elite(cell, 1.0, descriptor, parameters, 0, 0, Operator.GA, -1, -1, 5, False))
+    return archive
+
+
 def test_a_served_task_that_is_unknown_here_has_its_cells() -> None:
-    response = GetInfo.Response(task="lane", archive="cvt", settings="{}", versions="{}")
-    response.descriptor_names = ["x", "y"]
-    response.descriptor_low, response.descriptor_high = [0.0, -1.0], [1.0, 2.0]
-    response.metrics.cells = 30
-    info = RepertoireInfo.from_response(response)
     settings = Settings(task="nowhere:Lane", cells=30, cvt_samples=1000)
-    spec, known = spec_of(info, settings)
-    archive, _ = served_archive(spec, settings, [])
-    assert (known, archive.cells) == (False, 30)
-    assert archive.centroids.min(axis=0)[1] < 0.0 < 1.0 < archive.centroids.max(axis=0)[1]
-    with pytest.raises(TaskError, match="nowhere"):
-        spec_of(dataclasses.replace(info, archive="grid"), settings)
+    archive = filled(cvt_archive(30, [0.0, -1.0], [1.0, 2.0], 1000, 1), 50)
+    info, behaviors = served(archive, "lane", ["x", "y"])
+    spec, why = spec_of(info, settings)
+    assert why == "task 'lane' is unknown on this machine"
+    made, _, note = served_archive(info, spec, settings, behaviors)
+    assert np.array_equal(made.centroids, archive.centroids)
+    assert note == ""
 
 
-def test_what_was_not_evaluated_again_is_null(hopper_run: Path) -> None:
+def test_a_served_task_that_is_another_one_here_keeps_its_cells() -> None:
+    settings = Settings(task="qd_hopper", cells=30, cvt_samples=1000)
+    archive = filled(cvt_archive(30, [0.0, -1.0], [1.0, 2.0], 1000, 1), 50)
+    info, behaviors = served(archive, "qd_hopper", ["x", "y"])
+    spec, why = spec_of(info, settings)
+    assert why == "task 'qd_hopper' has another descriptor on this machine"
+    made, _, _ = served_archive(info, spec, settings, behaviors)
+    assert np.array_equal(made.centroids, archive.centroids)
+
+
+def test_a_served_repertoire_that_was_thinned_has_its_own_cells(run: StoredRun) -> None:
+    info, behaviors = served(run.archive, "qd_hopper", run.spec.descriptor_names, run.statistics)
+    assert spec_of(info, run.settings) == (task_spec("qd_hopper"), "")
+    made, known, note = served_archive(info, run.spec, run.settings, behaviors)
+    assert np.array_equal(made.centroids, run.archive.centroids)
+    assert np.array_equal(made.fitness[made.filled], run.archive.fitness[run.archive.filled])
+    assert np.array_equal(known.mean_fitness, run.statistics.mean_fitness, equal_nan=True)
+    assert note == ""
+
+
+@pytest.mark.parametrize("bins", [(12,), (10, 8), (6, 6), (1, 36), (3, 4, 2), (4, 4, 4, 4)])
+def test_the_bins_of_an_unknown_grid_follow_from_its_gaits(bins: tuple[int, ...]) -> None:
+    d = len(bins)
+    archive = filled(GridArchive(bins, [-1.0] * d, [2.0] * d, 1), 400)
+    info, behaviors = served(archive, "far", [f"d{k}" for k in range(d)])
+    settings = Settings(task="nowhere:Far", archive="grid")
+    made, _, note = served_archive(info, spec_of(info, settings)[0], settings, behaviors)
+    assert made.bins == bins
+    assert note == (f"drawn as a grid of {' x '.join(map(str, bins))} bins, which its gaits fit")
+
+
+def test_an_unknown_grid_of_few_gaits_is_one_that_has_them_in_their_cells() -> None:
+    archive = filled(GridArchive((4, 9), [0.0, 0.0], [1.0, 1.0], 1), 2)
+    info, behaviors = served(archive, "far", ["x", "y"])
+    bins = grid_bins(info, behaviors)
+    made = GridArchive(bins, [0.0, 0.0], [1.0, 1.0], 1)
+    assert made.cells == 36
+    assert made.cell_of([b.descriptor for b in behaviors]).tolist() == [b.cell for b in behaviors]
+
+
+@pytest.mark.parametrize("kind", ["cvt", "grid"])
+def test_cells_that_cannot_be_made_anew_are_told(kind: str) -> None:
+    archive: Archive = GridArchive((6, 6), [0.0, 0.0], [1.0, 1.0], 1)
+    if kind == "cvt":
+        archive = cvt_archive(36, [0.0, 0.0], [1.0, 1.0], 500, 1)
+    info, behaviors = served(filled(archive, 40), "far", ["x", "y"])
+    cells = [b.cell for b in behaviors]
+    moved = [
+        dataclasses.replace(b, cell=cell)
+        for b, cell in zip(behaviors, [*cells[3:], *cells[:3]], strict=True)
+    ]
+    samples = {"cvt_samples": 500} if kind == "cvt" else {}
+    settings = Settings(task="nowhere:Far", archive=kind, **samples)
+    spec, _ = spec_of(info, settings)
+    made, _, note = served_archive(info, spec, settings, moved)
+    assert made.cells == 36
+    assert re.fullmatch(r"its cells are not known here, so \d+ of its gaits are drawn .*", note)
+
+
+def test_what_was_not_reevaluated_is_null(hopper_run: Path) -> None:
     elites = describe(StoredRun.load(hopper_run), "x")["elites"]
     assert set(elites["mean_fitness"]) == set(elites["mean_cell"]) == {None}
     assert all(set(row) == {None} for row in elites["mean_descriptor"])

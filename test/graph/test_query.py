@@ -82,7 +82,7 @@ def test_json_has_all_that_is_known(repertoire: Served, again: Reevaluations) ->
     assert (other["repeats"], other["mean_fitness"], other["mean_descriptor"]) == (0, None, None)
 
 
-@pytest.mark.parametrize("ending", ["npz", "onnx"])
+@pytest.mark.parametrize("ending", ["npz", "onnx", "pt"])
 def test_a_behavior_is_saved_as_export_saves_it(
     repertoire: Served, tmp_path: Path, ending: str
 ) -> None:
@@ -97,13 +97,20 @@ def test_a_behavior_is_saved_as_export_saves_it(
         controllers = read_controllers(path, task_spec("qd_walker"), shape)
         assert controllers.tobytes() == parameters.tobytes()
         return
-    onnxruntime = pytest.importorskip("onnxruntime")
-    session = onnxruntime.InferenceSession(str(path))
     observation = np.linspace(-1, 1, 22, dtype=np.float32)
-    (action,) = session.run(["action"], {"observation": observation[None]})
+    if ending == "pt":
+        torch = pytest.importorskip("torch")
+        extra = {"about.json": ""}
+        model = torch.jit.load(str(path), _extra_files=extra)
+        action = model(torch.from_numpy(observation)[None]).numpy()
+        about = json.loads(extra["about.json"])
+    else:
+        onnxruntime = pytest.importorskip("onnxruntime")
+        session = onnxruntime.InferenceSession(str(path))
+        (action,) = session.run(["action"], {"observation": observation[None]})
+        about = session.get_modelmeta().custom_metadata_map
     expected = MlpController(shape, parameters)(observation)
     np.testing.assert_allclose(action[0], expected, atol=1e-6)
-    about = session.get_modelmeta().custom_metadata_map
     assert json.loads(about["cell"]) == cell
 
 
@@ -120,7 +127,7 @@ def test_when_none_fits_the_nearest_is_named(repertoire: Served) -> None:
         (["-k", "3"], "-k needs --descriptor"),
         (["--cell", "3", "--max-distance", "1"], "--max-distance needs --descriptor"),
         (["--descriptor", "1", "1", "-k", "0"], "-k is 0; give 1 or more"),
-        (["--save", "gait.txt"], "give a name that ends in .onnx or .npz"),
+        (["--save", "gait.txt"], "give a name that ends in .onnx, .npz, .pt"),
         (["--descriptor", "1", "1", "-k", "2", "--save", "x.npz"], "--save writes one behavior"),
     ],
 )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -19,6 +19,10 @@ from pga_me_ros.tasks.spec import TaskSpec
 
 CENTROIDS_SEED = 0
 """All runs share their centroids, so that archives can be compared cell by cell, as in the authors' code."""
+
+LEAST_SAMPLES = 10_000
+SAMPLES_PER_CELL = 250
+"""Uniform samples that the cells of a thinned archive are computed from: so many per cell, but at least those."""
 
 
 @dataclass(frozen=True)
@@ -63,10 +67,41 @@ def restore_archive(
     return ARCHIVES[geometry["kind"]].restored(geometry, centroids, schema_version)
 
 
+def cvt_archive(
+    cells: int, low: Sequence[float], high: Sequence[float], samples: int, parameter_count: int
+) -> CvtArchive:
+    """Return an empty CVT archive with the centroids that all runs share.
+
+    Args:
+        cells: Number of cells.
+        low: Lower bound of each of the d descriptor dimensions.
+        high: Upper bounds.
+        samples: Uniform samples that its cells are computed from.
+        parameter_count: Number of parameters of a controller.
+
+    Raises:
+        ArchiveError: Fewer samples than cells.
+    """
+    centroids = _centroids(cells, tuple(low), tuple(high), samples)
+    return CvtArchive(centroids, low, high, parameter_count)
+
+
+def thinned_archive(
+    cells: int, low: Sequence[float], high: Sequence[float], parameter_count: int
+) -> CvtArchive:
+    """Return the empty archive of so many cells to which `thin` reduces any archive; arguments as in `cvt_archive`."""
+    samples = max(LEAST_SAMPLES, SAMPLES_PER_CELL * cells)
+    return cvt_archive(cells, low, high, samples, parameter_count)
+
+
 def _cvt(spec: TaskSpec, settings: Settings, parameter_count: int) -> Archive:
-    bounds = tuple(spec.descriptor_low), tuple(spec.descriptor_high)
-    centroids = _centroids(cell_count(spec, settings), *bounds, settings.cvt_samples)
-    return CvtArchive(centroids, *bounds, parameter_count)
+    return cvt_archive(
+        cell_count(spec, settings),
+        spec.descriptor_low,
+        spec.descriptor_high,
+        settings.cvt_samples,
+        parameter_count,
+    )
 
 
 def _restored_cvt(

@@ -21,9 +21,10 @@ const Commands = {
 
   server: (run) => `ros2 run pga_me_ros archive_manager --ros-args -p repertoire:=${Commands.word(run.run.name)}`,
 
-  // What stands in the filter, as a request; without a descriptor it is a list.
-  nearest(run, limits) {
+  // What stands in the filter, as a request; without a descriptor it is a list, which has 100 entries unless it says more.
+  nearest(run, limits, found) {
     const parts = [];
+    if (!limits.descriptor && found > 100) parts.push(`limit: ${Math.min(found, 10_000)}`);
     if (limits.fitness !== null) parts.push(`min_fitness: ${Numbers.exact([limits.fitness]).slice(1, -1)}`);
     if (limits.falls !== null) parts.push(`max_fall_share: ${Numbers.exact([limits.falls]).slice(1, -1)}`);
     if (!limits.descriptor) return `ros2 service call ${Commands.at(run)}/repertoire/list_behaviors pga_me_msgs/srv/ListBehaviors "{${parts.join(", ")}}"`;
@@ -33,11 +34,6 @@ const Commands = {
 
   export: (run, elite, kind) =>
     `ros2 run pga_me_ros export ${Commands.word(run.run.name)} --to ${kind} --cell ${elite.cell}`,
-
-  save(run, elite, kind) {
-    const where = Commands.at(run) && ` --ros-args -r __ns:=${Commands.at(run)}`;
-    return `ros2 run pga_me_ros query --cell ${elite.cell} --save gait.${kind}${where}`;
-  },
 
   word: (text) => (/^[\w@%+=:,./-]+$/.test(text) ? text : `'${text.replaceAll("'", "'\\''")}'`),
 };
@@ -104,12 +100,8 @@ const Details = (() => {
       run.served ? null : button("copy-server", "Copy: serve this repertoire", () => Commands.server(run)),
       button("copy-link", "Copy link to this gait", () => location.href),
       ...FORMATS.map((kind) =>
-        run.served
-          ? kind === "torchscript"
-            ? null
-            : button(`copy-${kind}`, `Copy: save as ${kind}`, () => Commands.save(run, elite, kind))
-          : run.downloads
-          ? Page.make("a", { href: Live.download(run, elite, kind), download: true, role: "button" }, `Download ${kind}`)
+        run.simulates
+          ? Page.make("button", { type: "button", id: `download-${kind}`, onclick: () => Live.download(run, elite, kind) }, `Download ${kind}`)
           : button(`copy-${kind}`, `Copy: export as ${kind}`, () => Commands.export(run, elite, kind)),
       ),
     );

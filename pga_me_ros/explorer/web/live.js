@@ -5,16 +5,16 @@ const Live = (() => {
   let fetching = false;
   let shown = [];
 
-  // Returns what the server answers; its refusals become errors with its words.
-  async function ask(path, options) {
+  // Returns the server's answer; its refusals become errors with its words.
+  async function answered(path, options) {
     let answer;
     try {
       answer = await fetch(path, options);
     } catch {
       throw new Error("The explorer's server does not answer; is it still running?");
     }
+    if (answer.ok) return answer;
     const text = await answer.text();
-    if (answer.ok) return JSON.parse(text);
     let words = text;
     try {
       words = JSON.parse(text).error;
@@ -24,8 +24,24 @@ const Live = (() => {
     throw new Error(words);
   }
 
+  const ask = async (path, options) => (await answered(path, options)).json();
   const motion = (run, cell, start) => ask(`api/motion/${run.index}/${cell}?start=${encodeURIComponent(start)}`);
-  const download = (run, elite, kind) => `api/download/${run.index}/${elite.cell}/${kind}`;
+
+  // Fetches a file and hands it to the browser; what a link would download without a word may be refused, or take long.
+  async function download(run, elite, kind) {
+    const said = Page.byId("copied");
+    said.textContent = `Making the ${kind} file …`;
+    try {
+      const answer = await answered(`api/download/${run.index}/${elite.cell}/${kind}`);
+      const [, name] = /filename="(.+)"/.exec(answer.headers.get("Content-Disposition"));
+      const href = URL.createObjectURL(await answer.blob());
+      Page.make("a", { href, download: name }).click();
+      setTimeout(() => URL.revokeObjectURL(href), 60_000); // when the browser has surely taken it
+      said.textContent = `Downloaded ${name}`;
+    } catch (error) {
+      said.textContent = error.message;
+    }
+  }
 
   async function send(index, action, values) {
     const said = Page.byId(`said-${index}`);
@@ -73,7 +89,7 @@ const Live = (() => {
   function progress(p) {
     if (!p) return "No run is under way; the repertoire is served.";
     const again = p.final_budget ? `, ${p.final_reevaluations} of ${p.final_budget} re-evaluations` : "";
-    return `${p.state}: generation ${p.generation + 1} of ${p.generations}, ${Numbers.text(p.evaluations)} of ${Numbers.text(p.budget)} evaluations${again}, ${Numbers.text(p.rate)} per second, ${time(p.eta)} left, ${p.evaluators} evaluators, ${p.restarts} restarts`;
+    return `${p.state}: generation ${p.generation + 1} of ${p.generations}, ${Numbers.text(p.evaluations)} of ${Numbers.text(p.budget)} evaluations${again}, ${Numbers.text(p.rate)} per second, ${time(p.eta)} left, ${p.evaluators} evaluator${p.evaluators === 1 ? "" : "s"}, ${p.restarts} restart${p.restarts === 1 ? "" : "s"}`;
   }
 
   // Makes the panel of a graph once; what changes is filled in by draw().
@@ -133,8 +149,8 @@ const Live = (() => {
   function drawRates(form, rates, index) {
     const limit = (value) => (value === null || value === undefined ? null : value);
     const fields = rates.map(({ name, value, description, low, high }) => {
-      const range = `${description}${limit(low) === null ? "" : `, from ${low}`}${limit(high) === null ? "" : ` to ${high}`}`;
-      return Page.make("label", { title: range }, name, Page.make("input", { name, id: `rate-${name}-${index}`, type: "number", step: "any", value, min: limit(low), max: limit(high) }));
+      const range = [["from", low], ["to", high]].filter(([, value]) => limit(value) !== null).flat().join(" ");
+      return Page.make("label", { title: description }, name, Page.make("span", { class: "hint" }, range), Page.make("input", { name, id: `rate-${name}-${index}`, type: "number", step: "any", value, min: limit(low), max: limit(high) }));
     });
     Page.replace(form, ...fields, rates.length ? Page.make("button", { type: "submit", id: `set-rates-${index}` }, "Set from the next generation on") : null);
   }
