@@ -80,6 +80,14 @@ class Page:
         """Wait until the gait of a cell is on the stage."""
         self.wait(f"Explorer.view().cells[0] === {cell}")
 
+    def picture(self) -> bytes:
+        """Return what the stage shows once all that was changed is drawn."""
+        self.page.evaluate(
+            "() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
+        )
+        shot: bytes = self.page.locator("#stage").screenshot()
+        return shot
+
     def eval(self, script: str, *values: Any) -> Any:
         """Return the value of an expression of the page, or of a function for a value."""
         return self.page.evaluate(script, *values)

@@ -72,10 +72,16 @@ def test_a_click_shows_the_figures_of_that_cell_and_its_moving_robot(
     assert (
         f"evaluation {behavior.evaluation}, generation {behavior.generation}" in figures["lineage"]
     )
+    mark, bar = (
+        page.page.locator(f"#maps path{which}").bounding_box()
+        for which in (".chosen", f'[data-cell="{cell}"]')
+    )
+    assert mark["x"] + mark["width"] / 2 == pytest.approx(bar["x"] + bar["width"] / 2, abs=0.5)
     page.eval("Explorer.seek(0.5)")
-    before = page.page.locator("#stage").screenshot()
+    before = page.picture()
+    assert page.picture() == before
     page.eval("Explorer.seek(0.8)")
-    assert page.page.locator("#stage").screenshot() != before
+    assert page.picture() != before
 
 
 @pytest.mark.parametrize("start", ["evaluation", f"unseen:{SEED}"])
@@ -257,6 +263,7 @@ def test_nothing_is_wider_than_a_phone(page: Any) -> None:
         page.page.emulate_media(color_scheme=scheme)
         page.wait(f"document.documentElement.dataset.theme === '{scheme}'")
         assert page.eval("document.documentElement.scrollWidth") == 400
+    assert page.page.is_hidden("#layout-label")  # one dimension is drawn in one way
     page.page.set_viewport_size(before)
 
 
@@ -299,6 +306,17 @@ def test_two_runs_are_compared_cell_by_cell(
     assert shown.problems == []
 
 
+def test_runs_with_other_cells_have_no_difference_and_say_so(
+    hopper_run: Path, pages: Callable[..., Any], tmp_path: Path
+) -> None:
+    out = tmp_path / "two.html"
+    assert main([str(hopper_run), ZOO, "--html", str(out), "--motions", "0"]) == 0
+    shown = pages(out, offline=True)
+    assert shown.page.locator("#maps svg").count() == 2
+    assert "the cells of the two runs are not the same" in shown.page.inner_text("#maps")
+    assert shown.problems == []
+
+
 def test_cells_are_drawn_where_the_archive_has_them(
     new_run: Callable[..., Path], pages: Callable[..., Any], tmp_path: Path
 ) -> None:
@@ -333,6 +351,15 @@ def test_four_dimensions_are_maps_within_maps_or_any_two_axes(
     assert main([str(folder), "--html", str(out), "--motions", "0"]) == 0
     shown = pages(out, offline=True)
     assert 0 < shown.eval("document.querySelectorAll('path.cell.elite').length") <= len(archive)
+    shown.page.set_viewport_size({"width": 400, "height": 800})
+    assert shown.eval("document.documentElement.scrollWidth") == 400
+    outside = shown.page.locator("#maps text").evaluate_all(
+        """(texts) => texts.filter((text) => {
+            const [own, all] = [text, text.ownerSVGElement].map((e) => e.getBoundingClientRect());
+            return own.left < all.left || own.right > all.right || own.top < all.top || own.bottom > all.bottom;
+        }).map((text) => text.textContent)"""
+    )
+    assert outside == []
     shown.page.select_option("#layout", "dots:1,3")
     assert shown.eval("document.querySelectorAll('circle.cell.elite').length") == len(archive)
     assert shown.problems == []
@@ -340,6 +367,7 @@ def test_four_dimensions_are_maps_within_maps_or_any_two_axes(
 
 def test_a_task_that_is_unknown_here_has_a_map_and_a_reason(
     new_run: Callable[..., Path],
+    pages: Callable[..., Any],
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
@@ -347,8 +375,14 @@ def test_a_task_that_is_unknown_here_has_a_map_and_a_reason(
     folder = new_run(task="lane_task:Lane")
     monkeypatch.delitem(sys.modules, "lane_task")
     monkeypatch.setattr(sys, "path", [p for p in sys.path if not p.endswith("test/core")])
-    assert main([str(folder), "--html", str(tmp_path / "lane.html")]) == 0
-    assert (
-        "has no 3-D view: task 'lane_task:Lane': module 'lane_task' does not load"
-        in capsys.readouterr().err
+    out = tmp_path / "lane.html"
+    assert main([str(folder), "--html", str(out)]) == 0
+    reason = "task 'lane_task:Lane': module 'lane_task' does not load"
+    assert f"has no 3-D view: {reason}" in capsys.readouterr().err
+    shown = pages(out, offline=True)
+    shown.page.wait_for_selector("#no-stage:visible")
+    assert f"No 3-D view: {reason}" in shown.page.inner_text("#no-stage")
+    assert shown.eval("document.querySelectorAll('.cell.elite').length") == len(
+        StoredRun.load(folder).archive
     )
+    assert shown.problems == []

@@ -15,7 +15,8 @@ import rclpy
 import yaml
 from browsing import Page, running_browser
 from graph import Graph, Probe, Started
-from pga_me_msgs.srv import GetBehavior
+from pga_me_msgs import srv
+from pga_me_msgs.msg import Behavior
 
 from pga_me_ros.core.storage.stored_run import StoredRun
 
@@ -37,7 +38,8 @@ def explore(graph: Graph, browser: Any) -> Iterator[Callable[..., tuple[Started,
         command = [sys.executable, "-m", "pga_me_ros.explorer", "--port", "0", *words]
         explorer = graph.launch(command)
         explorer.wait_for_output("http://")
-        opened.append(Page(browser, re.findall(r"http://\S+", explorer.output)[0]))
+        address = re.findall(r"http://\S+", explorer.output)[0]
+        opened.append(Page(browser, address.replace("//0.0.0.0:", "//127.0.0.1:")))
         return explorer, opened[-1]
 
     yield start
@@ -45,16 +47,28 @@ def explore(graph: Graph, browser: Any) -> Iterator[Callable[..., tuple[Started,
         page.close()
 
 
-def answered(page: Page, probe: Probe) -> GetBehavior.Response:
-    """Send the request that the page copies for the chosen gait, and return the answer."""
-    page.page.click("#copy-service")
+def answered(page: Page, probe: Probe, button: str) -> Any:
+    """Send the request that a button of the page copies, and return the answer."""
+    page.page.click(button)
     copied = page.page.inner_text("#copied")
-    name, kind, text = re.fullmatch(r'ros2 service call (\S+) (\S+) "(.*)"', copied).groups()
-    assert kind == "pga_me_msgs/srv/GetBehavior"
-    answer = probe.call(GetBehavior, name, **yaml.safe_load(text))
+    name, kind, text = re.fullmatch(
+        r'ros2 service call (\S+) pga_me_msgs/srv/(\S+) "(.*)"', copied
+    ).groups()
+    return probe.call(getattr(srv, kind), name, **yaml.safe_load(text))
+
+
+def chosen(page: Page, probe: Probe) -> Behavior:
+    """Return the answer to the request that the page copies for the chosen gait."""
+    answer = answered(page, probe, "#copy-service")
     assert answer.found
     assert str(answer.behavior.cell) == page.figures()["cell"]
-    return answer
+    return answer.behavior
+
+
+def rows(page: Page) -> set[int]:
+    """Return the cells in the page's table."""
+    lines = page.page.locator("#table tr[data-row]")
+    return set(lines.evaluate_all("(lines) => lines.map((line) => Number(line.dataset.row))"))
 
 
 def test_a_run_is_watched_and_steered_beside_its_own_file(
@@ -77,29 +91,50 @@ def test_a_run_is_watched_and_steered_beside_its_own_file(
     assert page.eval(f"{generations}.slice(0, 4)") == [0, 1, 2, 3]
     before = page.eval(f"{generations}.length")
     page.wait(f"{generations}.length > {before}")
+    assert page.page.locator("#curves .key .swatch").count() == 2
     page.wait("document.getElementById('progress-1').innerText.includes('running')")
     page.wait("document.getElementById('control').innerText.includes('/evaluator_0')")
 
-    # Rates.
+    # Rates: those that the algorithm has, within their ranges.
     page.page.click("#show-rates-1")
     page.wait("document.getElementById('rate-iso_sigma-1') !== null")
+    assert page.page.locator("#rate-critic_learning_rate-1").count() == 0
+    assert "from 0 to 100" in page.page.inner_text("label:has(#rate-iso_sigma-1)")
+    page.page.fill("#rate-iso_sigma-1", "-1")
+    assert page.eval("document.getElementById('rate-iso_sigma-1').validity.rangeUnderflow")
+    told = page.eval(
+        """() => fetch('api/control/1', {method: 'POST', headers: {'X-Explorer': '1'},
+            body: '{"action": "rates", "values": {"iso_sigma": -1}}'}).then((answer) => answer.json())"""
+    )
+    assert "iso_sigma out of range" in told["error"]
+    page.problems.clear()  # the browser notes the status 400
     page.page.fill("#rate-iso_sigma-1", "0.01")
     page.page.click("#set-rates-1")
     page.wait("document.getElementById('said-1').innerText.includes('iso_sigma = 0.01')")
     page.wait("document.getElementById('rate-iso_sigma-1').defaultValue === '0.01'")
     run.wait_for_output("iso_sigma = 0.01")
 
+    # Who comes from elsewhere needs a token and cannot control the run.
+    _, guest = explore("--graph", "/", "--host", "0.0.0.0")
+    guest.wait("document.getElementById('progress-0').innerText.includes('running')")
+    for name in ("do-pause", "do-resume", "do-stop", "show-rates"):
+        assert guest.page.is_disabled(f"#{name}-0")
+    assert "read-only" in guest.page.inner_text("#said-0")
+
     # Pause pauses; what the graph tells then is what its file holds.
     page.page.click("#do-pause-1")
     page.wait("document.getElementById('progress-1').innerText.includes('paused')")
+    stored = StoredRun.load(tmp_path / "run")
+    paused_at = len(stored.generations)
+    page.wait(f"Explorer.state.runs[0].curves.generation.length === {paused_at}")
     for part in ("curves", "contributions", "elites"):
         of = [f"JSON.stringify(Explorer.state.runs[{i}].{part})" for i in (0, 1)]
         page.wait(f"{of[0]} === {of[1]}")
 
     # The copied request is answered with what the page shows, and the gait moves from any start.
-    cell = StoredRun.load(tmp_path / "run").choose(best=True).cell
+    cell = stored.choose(best=True).cell
     page.page.locator(f'#maps figure:nth-child(2) path[data-cell="{cell}"]').click(force=True)
-    found = answered(page, probe).behavior
+    found = chosen(page, probe)
     assert page.eval("Explorer.state.runs[1].byCell.get(Explorer.state.cell).fitness") == (
         found.fitness
     )
@@ -110,14 +145,24 @@ def test_a_run_is_watched_and_steered_beside_its_own_file(
     page.page.click("#pin")
     page.page.select_option("#start", "evaluation")
     page.wait("Explorer.view().starts.join() === 'evaluation,randomized:7:mass 0.8 1.2'")
-    assert page.problems == []
+    with page.page.expect_download() as download:
+        page.page.click("#download-npz")
+    with np.load(download.value.path()) as arrays:
+        assert np.array_equal(arrays["parameters"][0], stored.behavior(cell).parameters)
+    page.page.set_viewport_size({"width": 400, "height": 800})
+    assert page.eval("document.documentElement.scrollWidth") == 400
+    assert len(StoredRun.load(tmp_path / "run").generations) == paused_at
+    assert page.eval(f"{generations}.length") == paused_at
 
-    # A graph that is gone is no dead spinner.
+    # The run goes on, and stops. A graph that is gone is no dead spinner.
     page.page.click("#do-resume-1")
-    run.signal(signal.SIGINT)
-    run.wait()
-    page.wait("document.getElementById('message').innerText.includes('does not answer')", 60)
-    assert page.eval("document.querySelectorAll('.cell.elite').length") > 0
+    page.wait(f"{generations}.length > {paused_at}")
+    assert page.problems == guest.problems == []
+    page.page.click("#do-stop-1")
+    assert run.wait() == 0
+    for shown in (page, guest):
+        shown.wait("document.getElementById('message').innerText.includes('does not answer')", 60)
+        assert shown.eval("document.querySelectorAll('.cell.elite').length") > 0
     explorer.signal(signal.SIGINT)
     assert explorer.wait() == 0
     assert "Traceback" not in explorer.output
@@ -145,7 +190,7 @@ def test_two_graphs_are_compared(
     gap = float(page.page.inner_text("#tip").partition(": ")[2])
     assert gap == pytest.approx(left.fitness[both] - right.fitness[both], rel=2e-3, abs=0.05)
     page.page.locator(f'#maps figure:nth-child(2) path[data-cell="{both}"]').click(force=True)
-    assert answered(page, probe).behavior.fitness == right.fitness[both]
+    assert chosen(page, probe).fitness == right.fitness[both]
     page.page.click("#copy-python")
     monkeypatch.setenv("ROS_DOMAIN_ID", str(graph.domain))
     names: dict[str, Any] = {"observation": np.zeros(15)}
@@ -155,8 +200,52 @@ def test_two_graphs_are_compared(
     assert names["action"].shape == (3,)
     assert page.problems == []
 
+    # What the filter copies chooses what the table has.
+    page.page.fill("#filter-fitness", str(np.median(right.fitness[right.filled])))
+    listed = answered(page, probe, "#filter-copy")
+    assert {b.cell for b in listed.behaviors} == rows(page)
+    assert 0 < len(rows(page)) < len(right)
+    page.page.fill("#filter-descriptor", "0.4")
+    page.page.fill("#filter-count", "3")
+    nearest = answered(page, probe, "#filter-copy")
+    assert {b.cell for b in nearest.behaviors} == rows(page)
+    assert len(rows(page)) == 3
+
     # One that is gone is told, and found again.
     servers[1].signal(signal.SIGINT)
     page.wait("document.getElementById('message').innerText.includes('does not answer')", 60)
     serve("right", folders[1])
     page.wait("document.getElementById('message').hidden", 60)
+
+
+def test_a_grid_of_a_task_that_is_unknown_here_has_a_map_and_a_reason(
+    graph: Graph,
+    explore: Callable[..., tuple[Started, Page]],
+    new_run: Callable[..., Path],
+    tmp_path_factory: pytest.TempPathFactory,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The file tells the bins of the grid; of a graph they follow from its gaits."""
+    monkeypatch.syspath_prepend(tmp_path_factory.mktemp("task"))
+    (Path(sys.path[0]) / "far_task.py").write_text(
+        "import dataclasses\n"
+        "from pga_me_ros.tasks.bullet.locomotion import QDWalker\n\n"
+        "class Far(QDWalker):\n"
+        '    spec = dataclasses.replace(QDWalker.spec, name="far", archive_bins=(6, 8))\n'
+    )
+    folder = new_run(task="far_task:Far", archive="grid", evaluations=30, random_init=30)
+    graph.start("archive_manager", {"repertoire": folder})
+    _, page = explore(str(folder), "--graph", "/")
+    assert (
+        page.page.locator("#maps svg").count() == 3
+    )  # the difference, too: their cells are the same
+    elites = len(StoredRun.load(folder).archive)
+    for figure in (1, 2):
+        shapes = page.page.locator(f"#maps figure:nth-child({figure}) path[data-cell]")
+        assert shapes.count() == 48
+        assert shapes.locator("xpath=self::*[contains(@class, 'elite')]").count() == elites
+    assert "drawn as a grid of 6 x 8 bins" in page.page.inner_text("#summary")
+    page.page.wait_for_selector("#no-stage:visible")
+    assert "module 'far_task' does not load" in page.page.inner_text("#no-stage")
+    assert page.page.is_hidden("#world")
+    assert page.problems == []

@@ -102,5 +102,5 @@ const Colors = (() => {
     Page.replace(place, ...parts);
   }
 
-  return { MEASURES, range, scale, difference, legend };
+  return { MEASURES, range, scale, difference, swatch, legend };
 })();

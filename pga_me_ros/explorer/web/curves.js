@@ -76,7 +76,8 @@ const Curves = (() => {
   function draw() {
     const { runs } = Store.state;
     const long = runs.some((run) => run.curves.evaluations.length > 1);
-    Page.replace(Page.byId("curves"), ...(long ? LINES.map(([key, title]) => figure(key, title, runs)) : []));
+    const key = Page.make("p", { class: "hint key" }, ...runs.map((run, i) => Colors.swatch(COLORS[i % 2], run.caption)));
+    Page.replace(Page.byId("curves"), long && runs.length > 1 ? key : null, ...(long ? LINES.map(([key, title]) => figure(key, title, runs)) : []));
     Page.replace(Page.byId("facts"), ...runs.flatMap((run) => [contributions(run), corrected(run)]));
   }
 

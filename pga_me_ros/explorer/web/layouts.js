@@ -39,7 +39,7 @@ const Layouts = (() => {
       const top = elite ? Math.max(0.012, (elite.promise - floor) / (high - floor || 1)) : 1;
       return { cell, points: box(left, 0, right, top) };
     });
-    return { shapes, x: axis(run, 0), y: { title: "fitness (mean where known)", low: floor, high }, height: 0.62 };
+    return { shapes, x: axis(run, 0), y: { title: "fitness", low: floor, high }, height: 0.62, bars: true };
   }
 
   // Cells never move, so a run that grows has its borders computed once.
@@ -98,13 +98,14 @@ const Layouts = (() => {
       const ks = dims[side];
       return Array.from({ length: bins[ks[0]] - 1 }, (_, i) => (i + 1) / bins[ks[0]]);
     });
-    const name = (ks) => ({ title: ks.map((k) => title(run, k)).join(", within it "), low: run.spec.descriptor_low[ks[0]], high: run.spec.descriptor_high[ks[0]] });
+    const name = (ks) => ({ title: ks.map((k) => title(run, k)).join(",\nwithin it "), low: run.spec.descriptor_low[ks[0]], high: run.spec.descriptor_high[ks[0]] });
     return { shapes, lines, background: true, x: name(dims[0]), y: dims[1].length ? name(dims[1]) : { title: "", low: 0, high: 1 }, height: 1 };
   }
 
   // Two chosen axes: a dot per elite, where its descriptor is.
   function dots(run, i, j) {
-    const shapes = run.elites.map((e) => ({ cell: e.cell, dot: [shareOf(run, e, i), shareOf(run, e, j)] }));
+    const fittestLast = [...run.elites].sort((a, b) => a.promise - b.promise); // on top of the others
+    const shapes = fittestLast.map((e) => ({ cell: e.cell, dot: [shareOf(run, e, i), shareOf(run, e, j)] }));
     return { shapes, background: true, x: axis(run, i), y: axis(run, j), height: 1 };
   }
 

@@ -5,6 +5,7 @@ const Maps = (() => {
   const LEFT = 76;
   const BOTTOM = 42;
   const EDGE = 8;
+  const LINE = 20;
   let views = [];
 
   function facts(run, cell) {
@@ -49,7 +50,8 @@ const Maps = (() => {
     const middles = new Map();
     const shapes = new Map();
     // Borders between many bars would hide the bars.
-    const group = Page.svg("g", { class: layout.height < 1 && layout.shapes.length > 250 ? "narrow" : null });
+    const group = Page.svg("g", { class: layout.bars && layout.shapes.length > 100 ? "narrow" : null });
+    const tops = new Map();
     if (layout.background) group.append(Page.svg("rect", { class: "cell empty", x: x(0), y: y(1), width: x(1) - x(0), height }));
     for (const { cell, points, dot } of layout.shapes) {
       const shape = dot
@@ -57,17 +59,23 @@ const Maps = (() => {
         : Page.svg("path", { d: `M${points.map((p) => `${x(p[0]).toFixed(1)},${y(p[1]).toFixed(1)}`).join("L")}Z`, "data-cell": cell });
       const middle = dot || points.reduce((a, p) => [a[0] + p[0] / points.length, a[1] + p[1] / points.length], [0, 0]);
       middles.set(cell, middle);
+      if (layout.bars) tops.set(cell, [x(middle[0]), y(points[2][1])]);
       shapes.set(cell, shape);
       group.append(shape);
     }
     for (const u of layout.lines ? layout.lines[0] : []) group.append(Page.svg("path", { class: "frame", d: `M${x(u)},${y(0)}V${y(1)}` }));
     for (const v of layout.lines ? layout.lines[1] : []) group.append(Page.svg("path", { class: "frame", d: `M${x(0)},${y(v)}H${x(1)}` }));
-    const mark = Page.svg("path", { class: "chosen" });
+    const mark = Page.svg("path", { class: layout.bars ? "chosen bar" : "chosen" });
     const label = (tx, ty, text, anchor, turned) =>
-      Page.svg("text", { x: tx, y: ty, "text-anchor": anchor, transform: turned ? `rotate(-90 ${tx} ${ty})` : null }, text);
+      Page.svg(
+        "text",
+        { x: tx, y: ty, "text-anchor": anchor, transform: turned ? `rotate(-90 ${tx} ${ty})` : null },
+        ...text.split("\n").map((line, i) => Page.svg("tspan", { x: tx, dy: i ? LINE : 0 }, line)),
+      );
+    const below = BOTTOM + LINE * (layout.x.title.split("\n").length - 1);
     const svg = Page.svg(
       "svg",
-      { viewBox: `0 0 ${WIDTH} ${height + EDGE + BOTTOM}`, tabindex: 0, role: "application", "aria-label": `${caption}; arrow keys choose a cell` },
+      { viewBox: `0 0 ${WIDTH} ${height + EDGE + below}`, tabindex: 0, role: "application", "aria-label": `${caption}; arrow keys choose a cell` },
       group,
       Page.svg("rect", { class: "frame", x: x(0), y: y(1), width: x(1) - x(0), height }),
       mark,
@@ -76,9 +84,9 @@ const Maps = (() => {
       label((x(0) + x(1)) / 2, y(0) + 34, layout.x.title, "middle"),
       label(LEFT - 6, y(0), Numbers.text(layout.y.low), "end"),
       label(LEFT - 6, y(1) + 11, Numbers.text(layout.y.high), "end"),
-      label(15, EDGE + height / 2, layout.y.title, "middle", true),
+      label(20, EDGE + height / 2, layout.y.title, "middle", true),
     );
-    const view = { run, compared, middles, shapes, mark, svg, x, y };
+    const view = { run, compared, middles, shapes, tops, mark, svg };
     svg.addEventListener("pointermove", (event) => {
       const cell = cellAt(event);
       tip(event, cell === null ? "" : compared ? gap(compared, cell) : facts(run, cell));
@@ -140,13 +148,17 @@ const Maps = (() => {
   }
 
   function markChosen() {
-    for (const { run, compared, shapes, mark } of views) {
+    for (const { run, compared, shapes, tops, mark } of views) {
       const own = compared || run.index === Store.state.run;
       const shape = own ? shapes.get(Store.state.cell) : undefined;
       const dot = shape && shape.tagName === "circle";
-      mark.setAttribute("d", !shape ? "" : dot ? ring(shape) : shape.getAttribute("d"));
+      const bar = tops.get(Store.state.cell);
+      mark.setAttribute("d", !shape ? "" : bar ? pointer(...bar) : dot ? ring(shape) : shape.getAttribute("d"));
     }
   }
+
+  // An arrow from above: a line around a bar that is a pixel wide would hide it.
+  const pointer = (middle, top) => `M${middle - 6},0h12l-6,${EDGE}ZM${middle},${EDGE}V${top}`;
 
   function ring(circle) {
     const [cx, cy] = ["cx", "cy"].map((name) => Number(circle.getAttribute(name)));
@@ -163,7 +175,8 @@ const Maps = (() => {
       drawn.push(draw(first, `Fitness of ${first.caption} minus ${second.caption}`, compared));
     }
     views = drawn.map((d) => d.view);
-    Page.replace(Page.byId("maps"), ...drawn.map((d) => d.figure));
+    const why = runs.length === 2 && !Store.comparable() ? "There is no map of the difference: the cells of the two runs are not the same." : null;
+    Page.replace(Page.byId("maps"), ...drawn.map((d) => d.figure), why && Page.make("p", { class: "hint" }, why));
     if (focused >= 0 && views[focused]) views[focused].svg.focus();
     paint();
     markChosen();

@@ -28,7 +28,7 @@ const Player = (() => {
     const chosen = { run: Store.state.run, cell: elite.cell, start: Store.state.start };
     const wanted = [chosen, ...pinned.filter((lane) => !same(lane, chosen))].slice(0, MOST);
     const run = Store.run();
-    if (run.simulates) Page.byId("readings").textContent = `Simulating cell ${elite.cell} …`;
+    if (run.simulates && run.model) Page.byId("readings").textContent = `Simulating cell ${elite.cell} …`;
     try {
       const motions = await Promise.all(wanted.map((lane) => Motions.find(Store.state.runs[lane.run], lane.cell, lane.start)));
       if (turn !== asked) return;
@@ -126,7 +126,7 @@ const Player = (() => {
   // Where the server simulates, any start may be asked for.
   function makeWorld() {
     const form = Page.byId("world");
-    form.hidden = !Store.run().simulates;
+    form.hidden = !Store.run().simulates || !Store.run().model;
     if (form.hidden || form.elements.length) return;
     const field = (name, title, attributes) => Page.make("label", {}, title, Page.make("input", { name, id: `world-${name}`, autocomplete: "off", ...attributes }));
     form.append(

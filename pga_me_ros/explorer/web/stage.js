@@ -11,6 +11,7 @@ const Stage = (() => {
   let ground;
   let sun;
   let lanes = [];
+  let waiting = false;
 
   // Starts WebGL; returns why it cannot, or an empty text.
   function open(place) {
@@ -112,8 +113,14 @@ const Stage = (() => {
     render();
   }
 
+  // Draws at the next frame, once, however many changes led to it.
   function render() {
-    if (renderer) renderer.render(scene, camera);
+    if (!renderer || waiting) return;
+    waiting = true;
+    requestAnimationFrame(() => {
+      waiting = false;
+      renderer.render(scene, camera);
+    });
   }
 
   const joints = () => lanes.map((lane) => lane.robot.joints());

@@ -36,8 +36,17 @@ const Choice = (() => {
       field("falls", "Maximum falls, %"),
       Page.make("label", {}, "Operator", select),
       Page.make("button", { type: "reset", id: "filter-reset" }, "Show all"),
-      Page.make("button", { type: "button", id: "filter-copy", onclick: () => Page.copy(Commands.nearest(run, wanted())) }, "Copy as ros2 service call"),
+      Page.make("button", { type: "button", id: "filter-copy", onclick: copyRequest }, "Copy as ros2 service call"),
     );
+  }
+
+  // Copies the request that makes the same choice, or says why there is none.
+  function copyRequest() {
+    const limits = wanted();
+    const { problems, operator } = limits;
+    if (operator) problems.push("no request chooses by operator; choose any");
+    if (problems.length) Page.byId("copied").textContent = `Not copied: ${problems.join("; ")}.`;
+    else Page.copy(Commands.nearest(Store.run(), limits, matches(limits).length));
   }
 
   // Numbers as they were typed; a word that is none is reported, not ignored.
