@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -16,14 +18,15 @@ COPIES = ROOT / "build" / "pythons"
 
 SEARCH = """
 import hashlib
+import json
 import sys
 
 from pga_me_ros import Search, Settings, make_task
 
 print(f"{sys.version_info.major}.{sys.version_info.minor}")
 settings = Settings.from_mapping(dict(
-    task="qd_hopper", algorithm="map_elites", seed=3, evaluations=60, random_init=20, batch_size=20, cells=50,
-    cvt_samples=1000, controller_hidden=(16, 8),
+    task="qd_hopper", seed=3, evaluations=60, random_init=20, batch_size=20, cells=50, cvt_samples=1000,
+    controller_hidden=(16, 8), **json.loads(sys.argv[1]),
 ))
 task = make_task(settings.task)
 search = Search(task.spec, settings)
@@ -37,10 +40,14 @@ print(digest.hexdigest())
 """
 
 
-def digest_on(python: Path) -> tuple[str, str]:
+GRADIENTS = {"n_evo": 10, "n_crit": 20, "n_grad": 2, "transition_batch": 32, "critic_hidden": [16]}
+"""Settings of a search that trains little."""
+
+
+def digest_on(python: Path, settings: dict[str, Any]) -> tuple[str, str]:
     """Return the version of an interpreter, and the digest of the elites that it finds."""
     done = subprocess.run(
-        [str(python), "-c", SEARCH],
+        [str(python), "-c", SEARCH, json.dumps(settings)],
         cwd=ROOT,
         capture_output=True,
         text=True,
@@ -52,12 +59,17 @@ def digest_on(python: Path) -> tuple[str, str]:
     return version, digest
 
 
-def test_the_same_seed_gives_the_same_bits_on_every_python() -> None:
+@pytest.mark.parametrize(
+    "settings",
+    [{"algorithm": "map_elites"}, {"algorithm": "pga_map_elites", **GRADIENTS}],
+    ids=["mutations", "gradients"],
+)
+def test_the_same_seed_gives_the_same_bits_on_every_python(settings: dict[str, Any]) -> None:
     others = sorted(COPIES.glob("*/.venv/bin/python"))
     if not others:
         pytest.skip("no other Python is set up; `make test-pythons` does it")
-    _, expected = digest_on(Path(sys.executable))
-    found = dict(digest_on(python) for python in others)
+    _, expected = digest_on(Path(sys.executable), settings)
+    found = dict(digest_on(python, settings) for python in others)
     assert found == dict.fromkeys(found, expected)
 
 
