@@ -24,16 +24,27 @@ NAMES = ("chromium", "chromium-browser", "google-chrome")
 @contextmanager
 def running_browser() -> Iterator[Any]:
     """Provide a headless Chromium; skips the test where there is none."""
+    api = pytest.importorskip("playwright.sync_api", reason="Playwright drives the browser")
+    with api.sync_playwright() as playwright, launched(playwright.chromium) as running:
+        yield running
+
+
+@contextmanager
+def launched(kind: Any, *flags: str) -> Iterator[Any]:
+    """Provide a headless Chromium with some flags in addition; skips the test where there is none.
+
+    Args:
+        kind: Playwright's type of browser.
+        flags: Further flags of its command line.
+    """
     found = next((path for name in NAMES if (path := shutil.which(name))), None)
     if found is None:
         pytest.skip("There is no Chromium; on Debian: apt-get install chromium")
-    api = pytest.importorskip("playwright.sync_api", reason="Playwright drives the browser")
     # The libraries of the ROS wheels are not for the browser.
     clean = {k: v for k, v in os.environ.items() if k != "LD_LIBRARY_PATH"}
-    with api.sync_playwright() as playwright:
-        running = playwright.chromium.launch(executable_path=found, args=[*FLAGS], env=clean)
-        yield running
-        running.close()
+    running = kind.launch(executable_path=found, args=[*FLAGS, *flags], env=clean)
+    yield running
+    running.close()
 
 
 class Page:

@@ -9,17 +9,23 @@ from typing import Any
 
 import numpy as np
 import pytest
+from browsing import Page, launched
 
 from pga_me_ros.core.archive.color_range import color_range
+from pga_me_ros.core.operators import OPERATORS, Operator
 from pga_me_ros.core.storage.stored_run import StoredRun
 from pga_me_ros.explorer.__main__ import main
 from pga_me_ros.explorer.recorder import chosen_cells
 from pga_me_ros.player.watched_rollout import record
+from pga_me_ros.reevaluate.__main__ import main as reevaluate
 from pga_me_ros.tasks.registry import make_task
 
 ZOO = "zoo/qd_hopper"
 SEED = 3
 """Seed of the unseen start in `hopper_file`."""
+
+RANDOMIZATION = "mass 0.8 1.2, friction 0.6"
+"""What is randomized in its third start."""
 
 
 @pytest.fixture(scope="module")
@@ -44,6 +50,17 @@ def no_problems(request: pytest.FixtureRequest) -> Any:
         ] == []
 
 
+def written(value: float) -> str:
+    """Return a number as the page writes it."""
+    if abs(value) >= 1000.0:
+        return f"{value:,.0f}"
+    return f"{value:.1f}" if abs(value) >= 100.0 else f"{float(f'{value:.4g}'):g}"
+
+
+def percent(share: float) -> str:
+    return f"{100 * share:.1f}".removesuffix(".0") + " %"
+
+
 def choose(page: Any, cell: int) -> None:
     page.page.locator(f'#maps path[data-cell="{cell}"]').click(force=True)
 
@@ -63,11 +80,24 @@ def test_a_click_shows_the_figures_of_that_cell_and_its_moving_robot(
     page: Any, run: StoredRun
 ) -> None:
     cell = chosen_cells(run, 3)[-1]
+    behavior = run.behavior(cell)
+    page.page.locator(f'#maps path[data-cell="{cell}"]').hover(force=True)
+    assert page.page.inner_text("#tip").splitlines() == [
+        f"cell {cell}",
+        f"descriptor [{behavior.mean_descriptor[0]:.3f}] on average",
+        f"fitness {written(behavior.fitness)} when found",
+        f"mean of {behavior.repeats}: {written(behavior.mean_fitness)} ± {written(behavior.fitness_spread)}, "
+        f"falls {percent(behavior.fall_share)}",
+        f"{OPERATORS[Operator[behavior.made_by.upper()]].title}, generation {behavior.generation}, "
+        f"parents {', '.join(map(str, behavior.parents)) or 'none'}",
+    ]
+    empty = int((~run.archive.filled).nonzero()[0][0])
+    page.page.locator(f'#maps path[data-cell="{empty}"]').hover(force=True)
+    assert page.page.inner_text("#tip") == f"cell {empty}: empty"
     choose(page, cell)
     page.plays(cell)
-    behavior = run.behavior(cell)
     figures = page.figures()
-    assert figures["falls"] == f"{100 * behavior.fall_share:.1f}".removesuffix(".0") + " %"
+    assert figures["falls"] == percent(behavior.fall_share)
     assert f"{behavior.descriptor[0]:.3f}" in figures["descriptor"]
     assert (
         f"evaluation {behavior.evaluation}, generation {behavior.generation}" in figures["lineage"]
@@ -84,7 +114,11 @@ def test_a_click_shows_the_figures_of_that_cell_and_its_moving_robot(
     assert page.picture() != before
 
 
-@pytest.mark.parametrize("start", ["evaluation", f"unseen:{SEED}"])
+@pytest.mark.parametrize(
+    "start",
+    ["evaluation", f"unseen:{SEED}", f"randomized:{SEED}:{RANDOMIZATION}"],
+    ids=["evaluation", "unseen", "randomized"],
+)
 def test_the_joints_are_those_of_the_rollout(page: Any, run: StoredRun, start: str) -> None:
     from pga_me_ros.core.evaluation import evaluation_rng
 
@@ -98,10 +132,10 @@ def test_the_joints_are_those_of_the_rollout(page: Any, run: StoredRun, start: s
         if start != "evaluation"
         else evaluation_rng(run.settings.seed, gait.evaluation)
     )
-    task = make_task(run.settings.task)
+    task = make_task(run.settings.task, RANDOMIZATION if start.startswith("randomized") else "")
     whole = record(task, gait.controller, rng)
     task.close()
-    for step in (0, 60, 200):
+    for step in (0, 40, 100):
         page.eval(f"Explorer.seek({step * run.spec.control_period})")
         assert page.eval("Explorer.view().joints[0]") == pytest.approx(
             whole.states[step].positions, abs=2e-3
@@ -118,6 +152,24 @@ def test_play_and_pause(page: Any, run: StoredRun) -> None:
     page.page.click("#play")
     assert page.eval("Explorer.view().playing") is False
     assert page.page.inner_text("#play") == "Play"
+
+
+def test_speed_slider_and_strip(page: Any, run: StoredRun) -> None:
+    cell = chosen_cells(run, 3)[0]
+    choose(page, cell)
+    page.plays(cell)
+    page.page.select_option("#speed", "0.1")
+    began = page.eval("(Explorer.seek(0), Explorer.play(true), performance.now())")
+    page.wait("Explorer.view().time > 0.05")
+    time, now = page.eval("(Explorer.play(false), [Explorer.view().time, performance.now()])")
+    assert time <= 0.1 * (now - began) / 1000.0 + 1e-6
+    page.page.select_option("#speed", "1")
+    page.page.locator("#time").fill("2")
+    assert page.eval("Explorer.view().time") == 2.0
+    assert page.page.inner_text("#readings").startswith("2.00 of 16.50 s · ")
+    page.page.click("#strip")  # in its middle
+    end = page.eval("Explorer.view().end")
+    assert page.eval("Explorer.view().time") == pytest.approx(end / 2, rel=0.01)
 
 
 def test_gaits_side_by_side_move_in_step(page: Any, run: StoredRun) -> None:
@@ -178,6 +230,21 @@ def test_the_filter_narrows_map_and_table(page: Any, run: StoredRun) -> None:
     assert "the fitness is 'many'; give a number" in page.page.inner_text("#matches")
     page.page.click("#filter-reset")
     page.wait("document.querySelectorAll('.cell.out').length === 0")
+
+
+def test_a_choice_that_no_request_makes_is_not_copied(page: Any) -> None:
+    page.page.select_option("#filter-operator", "ga")
+    page.page.click("#filter-copy")
+    assert "no request chooses by operator" in page.page.inner_text("#copied")
+    page.page.click("#filter-reset")
+    page.page.fill("#filter-fitness", "many")
+    page.page.click("#filter-copy")
+    assert page.page.inner_text("#copied") == "Not copied: the fitness is 'many'; give a number."
+    page.page.click("#filter-reset")
+    page.wait("document.querySelectorAll('.cell.out').length === 0")
+    of_all = "{descriptor: null, fitness: null, falls: null}"
+    copied = page.eval(f"Commands.nearest(Store.run(), {of_all}, 150)")
+    assert copied.endswith('pga_me_msgs/srv/ListBehaviors "{limit: 150}"')  # 100 without it
 
 
 def test_the_nearest_are_those_that_the_library_chooses(page: Any, run: StoredRun) -> None:
@@ -317,6 +384,22 @@ def test_runs_with_other_cells_have_no_difference_and_say_so(
     assert shown.problems == []
 
 
+def test_curves_have_a_circle_where_the_archive_was_measured(
+    new_run: Callable[..., Path], pages: Callable[..., Any], tmp_path: Path
+) -> None:
+    folder = new_run(evaluations=40)
+    assert reevaluate([str(folder), "--repeats", "2"]) == 0
+    out = tmp_path / "curves.html"
+    assert main([str(folder), "--html", str(out), "--motions", "0"]) == 0
+    page = pages(out, offline=True)
+    assert page.page.locator("#curves svg").count() == 3
+    assert page.page.locator("#curves circle").count() == 3
+    corrected = StoredRun.load(folder).corrected
+    assert corrected is not None
+    assert f"corrected QD-score\t{written(corrected.qd_score)}" in page.page.inner_text("#facts")
+    assert page.problems == []
+
+
 def test_cells_are_drawn_where_the_archive_has_them(
     new_run: Callable[..., Path], pages: Callable[..., Any], tmp_path: Path
 ) -> None:
@@ -386,3 +469,13 @@ def test_a_task_that_is_unknown_here_has_a_map_and_a_reason(
         StoredRun.load(folder).archive
     )
     assert shown.problems == []
+
+
+def test_without_webgl_there_is_the_rest_and_a_reason(browser: Any, hopper_file: Path) -> None:
+    with launched(browser.browser_type, "--disable-3d-apis") as other:
+        page = Page(other, hopper_file.as_uri())
+        assert "This browser cannot draw 3-D (WebGL)" in page.page.inner_text("#no-stage")
+        cells = page.page.locator("#maps path.elite")
+        cells.first.click(force=True)
+        assert page.figures()["cell"] == cells.first.get_attribute("data-cell")
+        page.close()

@@ -129,7 +129,7 @@ def test_a_run_is_watched_and_steered_beside_its_own_file(
     page.wait(f"Explorer.state.runs[0].curves.generation.length === {paused_at}")
     for part in ("curves", "contributions", "elites"):
         of = [f"JSON.stringify(Explorer.state.runs[{i}].{part})" for i in (0, 1)]
-        page.wait(f"{of[0]} === {of[1]}")
+        page.wait(f"{of[0]} === {of[1]}", 90)
 
     # The copied request is answered with what the page shows, and the gait moves from any start.
     cell = stored.choose(best=True).cell
@@ -156,7 +156,7 @@ def test_a_run_is_watched_and_steered_beside_its_own_file(
 
     # The run goes on, and stops. A graph that is gone is no dead spinner.
     page.page.click("#do-resume-1")
-    page.wait(f"{generations}.length > {paused_at}")
+    page.wait(f"{generations}.length > {paused_at}", 90)
     assert page.problems == guest.problems == []
     page.page.click("#do-stop-1")
     assert run.wait() == 0
@@ -249,3 +249,9 @@ def test_a_grid_of_a_task_that_is_unknown_here_has_a_map_and_a_reason(
     assert "module 'far_task' does not load" in page.page.inner_text("#no-stage")
     assert page.page.is_hidden("#world")
     assert page.problems == []
+
+
+def test_a_graph_that_serves_nothing_is_told(graph: Graph) -> None:
+    explorer = graph.launch([sys.executable, "-m", "pga_me_ros.explorer", "--port", "0"])
+    assert explorer.wait() == 2
+    assert re.fullmatch(r"error: .*repertoire/get_info.*\n", explorer.output), explorer.output
