@@ -45,6 +45,12 @@ def other_run(new_run: Callable[..., Path]) -> Path:
 
 
 @pytest.fixture(scope="session")
+def longer_run(new_run: Callable[..., Path]) -> Path:
+    """Return the folder of a run like `hopper_run` that went on for two generations; only read it."""
+    return new_run(evaluations=40)
+
+
+@pytest.fixture(scope="session")
 def hopper_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a page in one file, with three gaits in motion."""
     out = tmp_path_factory.mktemp("page") / "hopper.html"

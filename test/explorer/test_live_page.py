@@ -223,14 +223,13 @@ def test_a_browser_that_goes_away_costs_nothing(folder: Path) -> None:
 
 
 def test_the_page_follows_its_files(
-    page: Any, folder: Path, new_run: Callable[..., Path], other_run: Path
+    page: Any, folder: Path, longer_run: Path, other_run: Path
 ) -> None:
-    more = new_run(evaluations=60)
-    elites = len(StoredRun.load(more).archive)
+    elites = len(StoredRun.load(longer_run).archive)
     before = page.eval("Explorer.state.runs[0].elites.length")
     assert elites > before
     file = folder / "repertoire.db"
-    replace(more / "repertoire.db", file)
+    replace(longer_run / "repertoire.db", file)
     page.wait(f"Explorer.state.runs[0].elites.length === {elites}")
     assert f"{elites} gaits" in page.page.inner_text("#summary")
     assert page.problems == []
@@ -240,7 +239,7 @@ def test_the_page_follows_its_files(
     assert "repertoire.db" in page.page.inner_text("#message")
     assert "the last state that could be read" in page.page.inner_text("#message")
     assert page.eval("document.querySelectorAll('.cell.elite').length") == elites
-    replace(more / "repertoire.db", file)
+    replace(longer_run / "repertoire.db", file)
     page.wait("document.getElementById('message').hidden")
 
     replace(other_run / "repertoire.db", file)
