@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import sys
 from collections.abc import Callable
@@ -56,6 +57,10 @@ def written(value: float) -> str:
     if abs(value) >= 1000.0:
         return f"{value:,.0f}"
     return f"{value:.1f}" if abs(value) >= 100.0 else f"{float(f'{value:.4g}'):g}"
+
+
+def rgb(color: str) -> list[int]:
+    return [int(x) for x in re.findall(r"\d+", color)]
 
 
 def percent(share: float) -> str:
@@ -367,6 +372,13 @@ def test_two_runs_are_compared_cell_by_cell(
     shown.page.locator(f'#maps figure:nth-child(3) path[data-cell="{both}"]').hover(force=True)
     gap = float(first.fitness[both] - second.fitness[both])
     told = float(shown.page.inner_text("#tip").partition(": ")[2])
+    same = shown.eval(f"Colors.difference(Store.run(), Store.run()).color({both})")
+    for scheme in ("dark", "light"):
+        shown.page.emulate_media(color_scheme=scheme)
+        shown.wait(f"document.documentElement.dataset.theme === '{scheme}'")
+        empty = shown.eval("getComputedStyle(document.querySelector('#maps .cell.empty')).fill")
+        apart = np.array(rgb(same)) - rgb(empty)
+        assert np.abs(apart).max() > 40, "no difference looks like an empty cell"
     assert told == pytest.approx(gap, rel=2e-3, abs=0.05)
     shown.page.locator(f'#maps figure:nth-child(2) path[data-cell="{both}"]').click(force=True)
     assert shown.eval("Explorer.state.run") == 1

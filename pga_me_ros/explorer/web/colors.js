@@ -3,7 +3,8 @@
 const Colors = (() => {
   const RAMP = [[40, 12, 84], [52, 74, 140], [30, 130, 140], [70, 184, 108], [250, 232, 60]];
   const FALLS = [[46, 125, 80], [214, 196, 96], [201, 88, 52], [96, 16, 40]];
-  const DIVERGING = [[178, 60, 20], [238, 180, 140], [232, 232, 232], [150, 190, 226], [20, 84, 160]];
+  // In the middle no gray: empty cells have that.
+  const DIVERGING = [[178, 60, 20], [240, 170, 110], [255, 246, 190], [150, 190, 226], [20, 84, 160]];
   // Told apart by the color-blind (Okabe and Ito), by operator.
   const KINDS = ["#999999", "#e69f00", "#0072b2", "#d55e00", "#cc79a7", "#56b4e9", "#009e73", "#f0e442", "#882255", "#555555"];
   const ONLY = { first: "#7a3b8f", second: "#3f8f3b" };
@@ -62,7 +63,7 @@ const Colors = (() => {
       if (other) gaps.set(elite.cell, elite.promise - other.promise);
     }
     const sizes = [...gaps.values()].map(Math.abs);
-    const most = Math.max(1e-12, range(sizes)[1]);
+    const most = range(sizes)[1] || 1;
     const beyond = sizes.some((size) => size > most);
     const color = (cell) => {
       if (gaps.has(cell)) return onRamp(DIVERGING, 0.5 + gaps.get(cell) / most / 2);
