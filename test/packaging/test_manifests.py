@@ -14,9 +14,10 @@ FOLDERS = pytest.mark.parametrize(
 )
 
 
-def test_the_manifest_is_valid_and_says_where_to_read_more() -> None:
+@FOLDERS
+def test_the_manifest_is_valid_and_says_where_to_read_more(folder: Path) -> None:
     warnings: list[str] = []
-    package = parse_package(str(ROOT / "package.xml"), warnings=warnings)
+    package = parse_package(str(folder / "package.xml"), warnings=warnings)
     assert warnings == []
     assert [(url.type, url.url) for url in package.urls] == [
         ("website", "https://doi.org/10.1145/3449639.3459304")
