@@ -1,0 +1,45 @@
+"""The repertoires that come with the package: complete, small, and as good as they say."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pga_me_ros import StoredRun
+
+FOLDERS = sorted(
+    card.parent for card in (Path(__file__).resolve().parents[3] / "repertoires").glob("*/card.md")
+)
+MOST_BYTES = 10_000_000
+
+
+@pytest.fixture(params=FOLDERS, ids=lambda folder: folder.name)
+def folder(request: pytest.FixtureRequest) -> Path:
+    path: Path = request.param
+    return path
+
+
+def test_there_is_one_for_a_robot_that_hops_and_one_for_a_robot_that_walks() -> None:
+    assert {"qd_hopper", "qd_walker"} <= {folder.name for folder in FOLDERS}
+
+
+def test_it_is_small_and_every_behavior_was_tried_again(folder: Path) -> None:
+    assert sum(file.stat().st_size for file in folder.iterdir()) < MOST_BYTES
+    run = StoredRun.load(f"zoo/{folder.name}")
+    behaviors = [run.choose(cell=int(cell)) for cell in np.flatnonzero(run.archive.filled)]
+    assert 64 <= len(behaviors) <= 128
+    assert all(behavior.by_mean and behavior.repeats >= 20 for behavior in behaviors)
+    assert f"{len(behaviors)} behaviors of {run.settings.task}" in (folder / "card.md").read_text()
+
+
+def test_its_best_behavior_achieves_from_new_starts_what_it_promises(folder: Path) -> None:
+    run = StoredRun.load(f"zoo/{folder.name}")
+    best = run.choose(max_fall_share=0.05)
+    episodes = [run.rollout(best, seed=seed) for seed in range(1001, 1006)]
+    fitness = float(np.median([episode.fitness for episode in episodes]))
+    assert fitness >= 0.9 * best.promised_fitness
+    achieved = np.median([episode.descriptor for episode in episodes], axis=0)
+    extent = np.subtract(run.spec.descriptor_high, run.spec.descriptor_low)
+    assert np.linalg.norm((achieved - best.promised_descriptor) / extent) <= 0.05
