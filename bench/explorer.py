@@ -7,7 +7,8 @@ the times of B and C relative to A, each as the ratio of the medians over all ge
 must be equal, bit for bit.
 
 Times of single runs differ by more than a page costs, so the core time of the explorer and the browser is counted, too,
-as a share of what this machine's cores have to give while the generations go on; opening the page is not part of it.
+as a share of what this machine's cores have to give while the generations go on. Loading the page is part of it if it
+goes on after the first of these generations, so give some hundred --generations to see what an open page takes.
 
 Chromium takes part in the time of this machine's cores: it draws the map again whenever generations have come in.
 Without a graphics card, robots in motion would be drawn by the processor, too; so they stand still, unless `--play` is

@@ -34,7 +34,7 @@ PROGRAM = Program("explorer", "Shows a repertoire in the browser.", ())
 SILENT_AFTER = 5.0
 """Seconds without word from the orchestrator after which the page says so; it speaks once a second."""
 
-PAUSE = 100.0
+PAUSE = 250.0
 """After behaviors were fetched, none are fetched for this many times as long: the archive manager has other work, and a
 browser on a machine without a graphics card takes some tenths of a core second to draw the map again."""
 
@@ -98,8 +98,8 @@ class GraphSource:
             self._spec, self._unlike = spec_of(info, self.settings)
             self.content: dict[str, Any] = {}
             self._shown = (info.generation, info.corrected_repeats)
-            self._next_read = 0.0
             self._read()
+            self._next_read = 0.0  # the first one also computed the cells of the archive
         except BaseException:
             self.close()
             raise
@@ -187,7 +187,6 @@ class GraphSource:
                 "The repertoire that is served holds no behavior; serve another, or run its run for longer."
             )
         self._history.extend(self._client.list_generations(self._history.first_wanted))
-        self._next_read = time.monotonic() + PAUSE * (time.monotonic() - began)
         archive, known, note = served_archive(info, self._spec, self.settings, behaviors)
         namespace = self._node.get_namespace()
         self.content = {
@@ -208,6 +207,7 @@ class GraphSource:
             "served": True,
         }
         self.version += 1
+        self._next_read = time.monotonic() + PAUSE * (time.monotonic() - began)
 
     def _spin(self) -> None:
         executor = SingleThreadedExecutor()
