@@ -22,7 +22,10 @@ MOST_DESCRIPTORS = 8
 """Maximum number of file descriptors that come with the word."""
 
 MOST_EARLY_OUTPUT = 1_000_000
-"""Maximum bytes of output before the word that are moved to the log."""
+"""Maximum bytes of output before the word, and again while it is heard, that are moved to the log."""
+
+SETTLE = 0.02
+"""Seconds until what another thread was printing while the word came has arrived where output went before."""
 
 GRACE = 2.0
 """Seconds that a child gets to end by itself after its parent is gone."""
@@ -72,9 +75,12 @@ def _hear_word() -> None:
     with socket.socket(fileno=os.dup(0)) as stdin:
         word, descriptors, _, _ = socket.recv_fds(stdin, 1, MOST_DESCRIPTORS)
     if word:
-        log = descriptors[0]
-        os.write(log, os.pread(1, MOST_EARLY_OUTPUT, 0))
+        log, early = descriptors[0], os.dup(1)
+        moved = os.write(log, os.pread(early, MOST_EARLY_OUTPUT, 0))
         os.dup2(log, 1)
         os.dup2(log, 2)
+        threading.Event().wait(SETTLE)  # a thread may have been in the middle of printing
+        os.write(log, os.pread(early, MOST_EARLY_OUTPUT, moved))
+        os.close(early)
         os.close(log)
         _told.set()

@@ -11,13 +11,14 @@ from typing import Any
 import numpy as np
 import pytest
 from domain_coordinator import domain_id
-from graph import TINY, Graph, Started, ros_arguments, wait_until
+from graph import TINY, Graph, Probe, Started, ros_arguments, wait_until
 from pga_me_msgs.msg import Behavior
 from pga_me_msgs.srv import GetInfo
+from stored import store
 
 from pga_me_ros.client import ListedBehavior, RepertoireInfo
 from pga_me_ros.demo.arguments import DEFAULTS, Arguments, find_config
-from pga_me_ros.demo.robot import unlike_the_fittest
+from pga_me_ros.demo.robot import served_from, unlike_the_fittest
 from pga_me_ros.errors import SettingsError
 
 CONFIG = Path(__file__).resolve().parents[2] / "config" / "qd_walker.yaml"
@@ -80,13 +81,31 @@ def test_a_robot_in_another_process_gets_what_was_promised(twice: Twice) -> None
     rows = [line.split() for line in twice.outputs[0].splitlines()]
     promised = [row[1:] for row in rows if row[:1] == ["promised"]]
     same_start = [row[3:-1] for row in rows if row[:3] == ["achieved,", "same", "start"]]
-    assert len(promised) == 2
-    assert promised == same_start
-    rest = twice.outputs[0].partition("to go on:")[2]
-    name = twice.run_dir.name  # the demonstration ran in the folder that has it
-    assert f"-p repertoire:={name}\n" in rest
-    assert f"render {name} " in rest
-    assert ("--best" in rest) == ("none of them falls in at most 5%" in twice.outputs[0])
+    assert len(promised) == 3
+    assert promised[:2] == same_start
+
+
+@pytest.mark.slow
+def test_a_run_without_a_gait_that_lasts_ends_with_one_that_comes_with_the_package(
+    twice: Twice,
+) -> None:
+    own, told, ready = twice.outputs[0].partition("this one comes with the package: zoo/qd_walker")
+    assert told, twice.outputs[0]
+    assert "none of them falls in at most 5%" in own
+    rows = [line.split() for line in ready.splitlines()]
+    (promised,) = [row for row in rows if row[:1] == ["promised"]]
+    (achieved,) = [row for row in rows if row[:1] == ["achieved,"]]
+    assert float(achieved[5]) >= 0.9 * float(promised[2])
+    assert "-p repertoire:=zoo/qd_walker\n" in ready
+    assert "render zoo/qd_walker --descriptor " in ready
+
+
+def test_the_robot_knows_the_folder_of_what_is_served(
+    graph: Graph, probe: Probe, tmp_path: Path
+) -> None:
+    store(tmp_path / "run" / "repertoire.db")
+    graph.start("archive_manager", {"repertoire": str(tmp_path / "run")})
+    assert served_from(probe.node) == str(tmp_path / "run")
 
 
 @pytest.mark.slow

@@ -29,6 +29,19 @@ exit(3)
 """What a node does: it watches its parent, imports its libraries, waits for the word."""
 
 
+COUNTING = """
+import os
+from pga_me_ros.process import parent_watch
+
+parent_watch.watch_parent()
+number = 0
+while not parent_watch._told.is_set():
+    os.write(1, b"%d\\n" % number)
+    number += 1
+"""
+"""Prints in one thread while the other moves its output."""
+
+
 @pytest.fixture
 def prepared() -> Iterator[PreparedChild]:
     child = PreparedChild([sys.executable, "-c", NODE, "stay"])
@@ -47,6 +60,15 @@ def test_it_begins_when_it_is_told_and_all_its_output_is_in_the_log(tmp_path: Pa
     assert child.exit_code == 3
     assert log.read_text() == "an earlier process\nimported\nbegun\n"
     assert child.last_words() == "begun"
+    child.close_input()
+
+
+def test_nothing_is_lost_that_is_printed_while_the_word_is_heard(tmp_path: Path) -> None:
+    child = PreparedChild([sys.executable, "-c", COUNTING])
+    assert child.begin(tmp_path / "log")
+    assert child.wait()
+    *counted, last = sorted(int(line) for line in (tmp_path / "log").read_text().splitlines())
+    assert [*counted, last] == list(range(last + 1))
     child.close_input()
 
 
