@@ -6,6 +6,7 @@ import its libraries.
 
 from __future__ import annotations
 
+import atexit
 import os
 import socket
 import sys
@@ -22,10 +23,7 @@ MOST_DESCRIPTORS = 8
 """Maximum number of file descriptors that come with the word."""
 
 MOST_EARLY_OUTPUT = 1_000_000
-"""Maximum bytes of output before the word, and again while it is heard, that are moved to the log."""
-
-SETTLE = 0.02
-"""Seconds until what another thread was printing while the word came has arrived where output went before."""
+"""Maximum bytes of output before the word that are moved to the log."""
 
 GRACE = 2.0
 """Seconds that a child gets to end by itself after its parent is gone."""
@@ -34,12 +32,15 @@ EXIT_ORPHANED = 1
 
 
 _told = threading.Event()
+_logs: list[int] = []
+"""File descriptor of the log that came with the word, until output goes there."""
 
 
 def wait_for_word() -> None:
-    """Wait until the parent says that the work begins, if it started this process early."""
+    """Wait for the parent to say that the work begins, if it started this process early; then print to its log."""
     if os.environ.get(PARENT_WATCH) == "1" and os.environ.get(WAIT_FOR_WORD) == "1":
         _told.wait()
+        _move_output()
 
 
 def watch_parent() -> None:
@@ -57,6 +58,7 @@ def _end_with_input() -> None:
         _hear_word()
     while os.read(0, 4096):
         pass
+    _move_output()
     try:
         # Importing it here could wait forever for an import that has just begun in another thread.
         shutdown = getattr(sys.modules.get("rclpy"), "try_shutdown", None)
@@ -68,19 +70,27 @@ def _end_with_input() -> None:
 
 
 def _hear_word() -> None:
-    """Wait for the parent's word, move output to the log that comes with it, and keep the other files open.
+    """Wait for the parent's word, and keep the files open that come with it.
 
     If the parent dies first, nothing comes, and standard input has ended.
     """
     with socket.socket(fileno=os.dup(0)) as stdin:
         word, descriptors, _, _ = socket.recv_fds(stdin, 1, MOST_DESCRIPTORS)
     if word:
-        log, early = descriptors[0], os.dup(1)
-        moved = os.write(log, os.pread(early, MOST_EARLY_OUTPUT, 0))
+        _logs.append(descriptors[0])
+        atexit.register(_move_output)  # of a process that ends before it waits for the word
+        _told.set()
+
+
+def _move_output() -> None:
+    """Move output to the log that came with the word.
+
+    The thread that prints does it, once it has nothing to do but wait: another one might come between the parts of a
+    line.
+    """
+    if _logs:
+        log = _logs.pop()
+        os.write(log, os.pread(1, MOST_EARLY_OUTPUT, 0))
         os.dup2(log, 1)
         os.dup2(log, 2)
-        threading.Event().wait(SETTLE)  # a thread may have been in the middle of printing
-        os.write(log, os.pread(early, MOST_EARLY_OUTPUT, moved))
-        os.close(early)
         os.close(log)
-        _told.set()

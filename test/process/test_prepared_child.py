@@ -38,8 +38,20 @@ number = 0
 while not parent_watch._told.is_set():
     os.write(1, b"%d\\n" % number)
     number += 1
+parent_watch.wait_for_word()
+os.write(1, b"%d\\n" % number)
 """
-"""Prints in one thread while the other moves its output."""
+"""Prints in one thread while the other hears the word."""
+
+FAILING = """
+import sys
+import pga_me_ros.nodes
+from pga_me_ros.process import parent_watch
+
+parent_watch._told.wait()
+sys.exit("no servo answers")
+"""
+"""Ends after the word has come, before it waits for it, as with a library that is damaged."""
 
 
 @pytest.fixture
@@ -63,12 +75,21 @@ def test_it_begins_when_it_is_told_and_all_its_output_is_in_the_log(tmp_path: Pa
     child.close_input()
 
 
-def test_nothing_is_lost_that_is_printed_while_the_word_is_heard(tmp_path: Path) -> None:
+def test_nothing_is_lost_or_moved_that_is_printed_while_the_word_is_heard(tmp_path: Path) -> None:
     child = PreparedChild([sys.executable, "-c", COUNTING])
     assert child.begin(tmp_path / "log")
     assert child.wait()
-    *counted, last = sorted(int(line) for line in (tmp_path / "log").read_text().splitlines())
-    assert [*counted, last] == list(range(last + 1))
+    counted = [int(line) for line in (tmp_path / "log").read_text().splitlines()]
+    assert counted == list(range(len(counted)))
+    assert counted
+    child.close_input()
+
+
+def test_output_of_one_that_ends_before_it_waits_is_in_the_log(tmp_path: Path) -> None:
+    child = PreparedChild([sys.executable, "-c", FAILING])
+    assert child.begin(tmp_path / "log")
+    assert child.wait()
+    assert (tmp_path / "log").read_text() == "no servo answers\n"
     child.close_input()
 
 
