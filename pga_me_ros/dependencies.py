@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import importlib
 import sys
 import sysconfig
+from importlib.util import find_spec
 from pathlib import Path
-from types import TracebackType
+from types import ModuleType, TracebackType
 from typing import NamedTuple
 
 from pga_me_ros.errors import PgaError
@@ -101,6 +103,37 @@ def missing(name: str, purpose: str = "") -> MissingDependencyError:
         return _error(f"{root} of ROS 2", purpose, _in_setup(apt))
     package = PACKAGES.get(root, Package(f"The Python package '{root}'", root, ""))
     return _error(package.title, purpose or package.purpose, _command(package))
+
+
+def imported(*names: str, purpose: str = "") -> ModuleType:
+    """Import modules of a package that not everybody has.
+
+    Args:
+        names: The package, and those of its modules that are needed.
+        purpose: As in `missing`.
+
+    Returns:
+        The package.
+
+    Raises:
+        MissingDependencyError: It is not installed.
+    """
+    try:
+        package, *_ = [importlib.import_module(name) for name in names]
+    except ModuleNotFoundError as error:
+        raise missing(error.name or names[0], purpose) from None
+    return package
+
+
+def require_installed(*names: str) -> None:
+    """Make sure that packages are installed, without importing them.
+
+    Raises:
+        MissingDependencyError: One of them is not.
+    """
+    for name in names:
+        if find_spec(name) is None:
+            raise missing(name)
 
 
 def missing_dependency(error: BaseException) -> MissingDependencyError | None:

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import json
 from importlib.resources import files
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from pga_me_ros.dependencies import missing
+from pga_me_ros.dependencies import require_installed
 from pga_me_ros.errors import PgaError
 
 SCRIPTS = (
@@ -41,9 +40,7 @@ def require_web() -> None:
     Raises:
         MissingDependencyError: It is not.
     """
-    for name in (_THREE[0], "starlette", "uvicorn"):
-        if find_spec(name) is None:
-            raise missing(name)
+    require_installed(_THREE[0], "starlette", "uvicorn")
 
 
 def build_page(content: dict[str, Any]) -> str:

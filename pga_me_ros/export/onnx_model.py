@@ -14,7 +14,7 @@ from pga_me_ros.core.archive.elites import Elite
 from pga_me_ros.core.networks.conditioned import ConditionedActor
 from pga_me_ros.core.networks.mlp import MlpShape
 from pga_me_ros.core.storage.stored_run import StoredRun
-from pga_me_ros.dependencies import missing
+from pga_me_ros.dependencies import imported
 from pga_me_ros.export.source import Source, about_robot
 
 OPSET = 13
@@ -29,13 +29,7 @@ def require_onnx() -> ModuleType:
     Raises:
         MissingDependencyError: onnx is not installed.
     """
-    try:
-        import onnx
-        import onnx.helper
-        import onnx.numpy_helper
-    except ModuleNotFoundError as error:
-        raise missing(error.name or "onnx", "export to ONNX") from None
-    return onnx
+    return imported("onnx", "onnx.helper", "onnx.numpy_helper", purpose="export to ONNX")
 
 
 def onnx_bytes(source: Source, elite: Elite) -> bytes:

@@ -12,7 +12,7 @@ from typing import Any
 from pga_me_ros.arrays import Float32Array
 from pga_me_ros.core.archive.elites import Elite
 from pga_me_ros.core.networks.mlp import MlpShape
-from pga_me_ros.dependencies import missing
+from pga_me_ros.dependencies import imported
 from pga_me_ros.export.source import Source
 
 ABOUT = "about.json"
@@ -25,11 +25,7 @@ def require_torch() -> ModuleType:
     Raises:
         MissingDependencyError: torch is not installed.
     """
-    try:
-        import torch
-    except ModuleNotFoundError as error:
-        raise missing(error.name or "torch", "export to TorchScript") from None
-    return torch
+    return imported("torch", purpose="export to TorchScript")
 
 
 def torchscript_bytes(source: Source, elite: Elite) -> bytes:

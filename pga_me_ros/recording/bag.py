@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import yaml
 from rclpy.qos import QoSProfile
 
-from pga_me_ros.dependencies import missing
+from pga_me_ros.dependencies import imported
 from pga_me_ros.errors import PgaError, StorageError
 from pga_me_ros.recording.definitions import definition
 from pga_me_ros.recording.older import SEQUENCES_SINCE, completed
@@ -218,13 +218,7 @@ def require_rosbags() -> ModuleType:
     Raises:
         MissingDependencyError: rosbags is not installed.
     """
-    try:
-        import rosbags
-        import rosbags.interfaces
-        import rosbags.rosbag2
-    except ModuleNotFoundError as error:
-        raise missing(error.name or "rosbags") from None
-    return rosbags
+    return imported("rosbags", "rosbags.interfaces", "rosbags.rosbag2")
 
 
 def _require_folder(path: Path) -> None:

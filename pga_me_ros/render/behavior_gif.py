@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from importlib.util import find_spec
 from pathlib import Path
 
 from pga_me_ros.core.settings import Settings
-from pga_me_ros.dependencies import missing
+from pga_me_ros.dependencies import require_installed
 from pga_me_ros.errors import RequestError
 from pga_me_ros.player.gait import Gait
 from pga_me_ros.player.recorded_gait import evaluated_again, steps_between
@@ -44,8 +43,7 @@ def require_pillow() -> None:
     Raises:
         MissingDependencyError: Pillow is not installed.
     """
-    if find_spec("PIL") is None:
-        raise missing("PIL")
+    require_installed("PIL")
 
 
 def draw_gif(task: Task, settings: Settings, gait: Gait, out: Path, options: GifOptions) -> Episode:

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from pga_me_msgs.srv import GetInfo, ListGenerations
 
+from pga_me_ros import dependencies
 from pga_me_ros.client import ListedBehavior, ListedGeneration, RepertoireInfo
 from pga_me_ros.core.archive.archive import Archive
 from pga_me_ros.core.archive.elites import Elite
@@ -112,25 +113,24 @@ def filled(archive: Archive, count: int) -> Archive:
     return archive
 
 
-def test_a_served_task_that_is_unknown_here_has_its_cells() -> None:
-    settings = Settings(task="nowhere:Lane", cells=30, cvt_samples=1000)
+@pytest.mark.parametrize(
+    ("task", "served_as", "reason"),
+    [
+        ("nowhere:Lane", "lane", "task 'lane' is unknown on this machine"),
+        ("qd_hopper", "qd_hopper", "task 'qd_hopper' has another descriptor on this machine"),
+    ],
+)
+def test_a_served_task_that_is_unknown_or_another_one_here_has_its_cells(
+    task: str, served_as: str, reason: str
+) -> None:
+    settings = Settings(task=task, cells=30, cvt_samples=1000)
     archive = filled(cvt_archive(30, [0.0, -1.0], [1.0, 2.0], 1000, 1), 50)
-    info, behaviors = served(archive, "lane", ["x", "y"])
+    info, behaviors = served(archive, served_as, ["x", "y"])
     spec, why = spec_of(info, settings)
-    assert why == "task 'lane' is unknown on this machine"
+    assert why == reason
     made, _, note = served_archive(info, spec, settings, behaviors)
     assert np.array_equal(made.centroids, archive.centroids)
     assert note == ""
-
-
-def test_a_served_task_that_is_another_one_here_keeps_its_cells() -> None:
-    settings = Settings(task="qd_hopper", cells=30, cvt_samples=1000)
-    archive = filled(cvt_archive(30, [0.0, -1.0], [1.0, 2.0], 1000, 1), 50)
-    info, behaviors = served(archive, "qd_hopper", ["x", "y"])
-    spec, why = spec_of(info, settings)
-    assert why == "task 'qd_hopper' has another descriptor on this machine"
-    made, _, _ = served_archive(info, spec, settings, behaviors)
-    assert np.array_equal(made.centroids, archive.centroids)
 
 
 def test_a_served_repertoire_that_was_thinned_has_its_own_cells(run: StoredRun) -> None:
@@ -290,6 +290,6 @@ def test_bad_arguments_are_told_in_one_line(
 def test_a_missing_package_is_told_with_the_command_that_installs_it(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(page, "find_spec", lambda name: None)
+    monkeypatch.setattr(dependencies, "find_spec", lambda name: None)
     assert main([str(ZOO), "--html", str(tmp_path / "page.html")]) == 2
     assert f"pip install {WEB}" in capsys.readouterr().err

@@ -6,7 +6,6 @@ imports no torch; `torch.utils.tensorboard` does, and so does `tensorboardX` whe
 
 from __future__ import annotations
 
-import importlib.util
 import math
 import socket
 import time
@@ -20,7 +19,7 @@ from pga_me_ros.core.archive.metrics import Metrics
 from pga_me_ros.core.operators import Operator
 from pga_me_ros.core.storage.repertoire import Repertoire
 from pga_me_ros.core.storage.rows import Generation
-from pga_me_ros.dependencies import missing
+from pga_me_ros.dependencies import require_installed
 
 WRITER = "tensorboard"
 PREFIX, SUFFIX = "events.out.tfevents.", ".pga_me_ros"
@@ -47,8 +46,7 @@ def require_event_writer() -> None:
     Raises:
         MissingDependencyError: The package that writes them is not installed.
     """
-    if importlib.util.find_spec(WRITER) is None:
-        raise missing(WRITER)
+    require_installed(WRITER)
 
 
 class EventFile:

@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from pga_me_ros.arrays import Float32Array, Float64Array
-from pga_me_ros.dependencies import missing, missing_dependency
+from pga_me_ros.dependencies import imported, missing_dependency
 from pga_me_ros.errors import TaskError, nearest_name
 from pga_me_ros.tasks.body import MujocoBody
 from pga_me_ros.tasks.gym.descriptors import checked_value, make_descriptor
@@ -155,10 +155,7 @@ def make_env(name: str, options: Options, *, render: bool = False) -> Any:
     Raises:
         TaskError: As in `gymnasium_class`.
     """
-    try:
-        import gymnasium
-    except ModuleNotFoundError as error:
-        raise missing(error.name or "gymnasium", f"task '{name}'") from None
+    gymnasium = imported("gymnasium", purpose=f"task '{name}'")
     if ":" not in options.env_id and options.env_id not in gymnasium.registry:
         raise TaskError(
             f"task '{name}': Gymnasium knows no environment '{options.env_id}'"
