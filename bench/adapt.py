@@ -24,9 +24,11 @@ from scipy.stats import mannwhitneyu, wilcoxon
 
 from pga_me_ros import StoredRun, make_task
 from pga_me_ros.adapt_demo.robot import POSES, Robot, Way
-from pga_me_ros.core.adaptation.adaptation import Adaptation, AdaptationSettings
+from pga_me_ros.core.adaptation.adaptation import Adaptation
+from pga_me_ros.core.adaptation.adaptation_settings import AdaptationSettings
 from pga_me_ros.core.adaptation.alternatives import random_search
 from pga_me_ros.core.adaptation.performance_map import PerformanceMap
+from pga_me_ros.core.archive.worlds import Worlds
 
 DAMAGES = {
     "qd_hopper": (
@@ -93,6 +95,7 @@ class Bench:
     run: Any
     out: Path
     deadline: float
+    worlds: Worlds | None = None
 
     def __post_init__(self) -> None:
         """Read what the repertoire promises."""
@@ -166,8 +169,8 @@ def save(file: Path, rows: np.ndarray) -> None:
     np.savez(file, fitness=rows)
 
 
-def scaled(length_scale: float, least: float) -> AdaptationSettings:
-    return AdaptationSettings(BUDGET, length_scale, least)
+def scaled(length_scale: float, least: float, sound: float) -> AdaptationSettings:
+    return AdaptationSettings(BUDGET, length_scale, least, sound=sound)
 
 
 def adapted(
@@ -175,7 +178,7 @@ def adapted(
 ) -> tuple[int, int]:
     """Return the row of what an adaptation ended with, and the number of its trials."""
     rng = Way.ADAPT.generator(repeat)
-    adaptation = Adaptation(bench.promises, settings)
+    adaptation = Adaptation(bench.promises, settings, worlds=bench.worlds)
     while trial := adaptation.next():
         row = bench.cells.index(trial.cell)
         adaptation.report(float(table[row, rng.integers(POSES)]))
@@ -191,13 +194,13 @@ def searched(bench: Bench, table: np.ndarray, repeat: int, trials: int) -> int:
     return random_search(rows, trials, lambda row: float(table[row, rng.integers(POSES)]), rng)
 
 
-def tune(bench: Bench) -> None:
+def tune(bench: Bench, sound: float) -> None:
     """Print what each length scale recovers of the hindsight best, and what random search does with as many trials."""
     names = " | ".join(f"`{damage}`" for damage in TUNING)
     print(f"| length scale | {names} | better than random |")
     print("|---|" + "---|" * (len(TUNING) + 1))
     for length_scale, least in SCALES:
-        settings, cells, better = scaled(length_scale, least), [], 0
+        settings, cells, better = scaled(length_scale, least, sound), [], 0
         for damage in TUNING:
             table = bench.table(damage)
             means = table.mean(axis=1)
@@ -266,9 +269,16 @@ def main() -> None:
     )
     parser.add_argument("--length-scale", type=float, default=AdaptationSettings().length_scale)
     parser.add_argument("--least-length-scale", type=float, default=0.0)
+    parser.add_argument(
+        "--worlds", action="store_true", help="the robot may be in the repertoire's other worlds"
+    )
+    parser.add_argument("--sound", type=float, default=AdaptationSettings().sound)
     args = parser.parse_args()
     run = StoredRun.load(args.repertoire)
-    bench = Bench(run, args.out, time.monotonic() + args.seconds)
+    if args.worlds and run.worlds is None:
+        parser.error(f"{args.repertoire} has not been evaluated in other worlds")
+    worlds = run.worlds if args.worlds else None
+    bench = Bench(run, args.out, time.monotonic() + args.seconds, worlds)
     try:
         for damage in TUNING if args.tune else ("", *bench.damages):
             bench.table(damage)
@@ -279,9 +289,9 @@ def main() -> None:
         print("time is up; the same command goes on")
         return
     if args.tune:
-        tune(bench)
+        tune(bench, args.sound)
     else:
-        report(bench, scaled(args.length_scale, args.least_length_scale))
+        report(bench, scaled(args.length_scale, args.least_length_scale, args.sound))
 
 
 if __name__ == "__main__":

@@ -16,7 +16,8 @@ from pga_me_ros.dependencies import report_missing_dependencies
 from pga_me_ros.process.early_signals import end_on_early_signals, own_program
 
 if TYPE_CHECKING:
-    from pga_me_ros.core.adaptation.adaptation import Adaptation, AdaptationSettings
+    from pga_me_ros.core.adaptation.adaptation import Adaptation
+    from pga_me_ros.core.adaptation.adaptation_settings import AdaptationSettings
     from pga_me_ros.core.adaptation.performance_map import PerformanceMap
     from pga_me_ros.core.algorithms import ALGORITHMS
     from pga_me_ros.core.search import Search
@@ -42,7 +43,7 @@ __all__ = [
 _MODULES = {
     "ALGORITHMS": "core.algorithms",
     "Adaptation": "core.adaptation.adaptation",
-    "AdaptationSettings": "core.adaptation.adaptation",
+    "AdaptationSettings": "core.adaptation.adaptation_settings",
     "PerformanceMap": "core.adaptation.performance_map",
     "Search": "core.search",
     "Settings": "core.settings",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import fields
 
-from pga_me_ros.core.adaptation.adaptation import AdaptationSettings
+from pga_me_ros.core.adaptation.adaptation_settings import AdaptationSettings
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.core.settings.rules import RULES
 from pga_me_ros.core.settings.run import ALGORITHM_NAMES

@@ -86,6 +86,10 @@ def before_and_after(plan: Plan) -> tuple[Achieved, Achieved]:
     _say(
         f"{plan.name}: {len(run.archive)} gaits of {run.spec.name}; the best one promises {gait.promised_fitness:.0f}"
     )
+    if plan.worlds and run.worlds:
+        _say(
+            f"evaluated in {len(run.worlds.fitness)} other worlds, any of which the robot may be in"
+        )
     averages = []
     for name, damage in (("sound", ""), (f"damaged: {plan.damage}", plan.damage)):
         task = plan.task(damage)
@@ -116,6 +120,8 @@ def adapter_of(plan: Plan) -> Iterator[tuple[Adapter, Companions]]:
                 repertoire = str(plan.run.file.resolve())
                 companions.start("archive_manager", {"repertoire": repertoire})
                 settings = {"memory": f"{folder}/memory.db", **dataclasses.asdict(plan.settings)}
+                if plan.worlds:
+                    settings["worlds"] = repertoire
                 companions.start("adapter", settings)
                 yield adapter, companions
             finally:

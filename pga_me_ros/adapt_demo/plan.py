@@ -8,7 +8,7 @@ import shlex
 from collections.abc import Sequence
 from pathlib import Path
 
-from pga_me_ros.core.adaptation.adaptation import AdaptationSettings
+from pga_me_ros.core.adaptation.adaptation_settings import AdaptationSettings
 from pga_me_ros.core.settings.field import checked_value
 from pga_me_ros.core.storage.stored_run import StoredRun
 from pga_me_ros.errors import RequestError, StorageError
@@ -17,10 +17,9 @@ from pga_me_ros.tasks.protocol import Task
 from pga_me_ros.tasks.registry import damage_option, make_task
 
 REPERTOIRE = "zoo/qd_hopper"
-DAMAGE = "load 2"
+DAMAGE = "ice 0.25"
 
-DEFAULTS = AdaptationSettings(budget=15, length_scale=0.02)
-"""The length scale is that which was chosen for hoppers, docs/adaptation.md."""
+DEFAULTS = AdaptationSettings(budget=15)
 
 ENDINGS = (".png", ".svg", ".pdf")
 
@@ -34,6 +33,7 @@ class Plan:
         run: The repertoire.
         damage: What becomes wrong with its robot.
         settings: How behaviors are chosen.
+        worlds: Whether the robot may be in other worlds, by the repertoire's re-evaluations there.
         repeat: Which initial poses and draws it is shown with.
         out: File of the picture.
     """
@@ -42,6 +42,7 @@ class Plan:
     run: StoredRun
     damage: str
     settings: AdaptationSettings
+    worlds: bool
     repeat: int
     out: Path
 
@@ -72,8 +73,21 @@ class Plan:
                 f"--damage is empty; say what is wrong with the robot, such as '{DAMAGE}'."
             )
         damage_option(run.settings.task, damage)
-        name = str(options.repertoire)
-        return cls(name, run, damage, AdaptationSettings(**settings), options.repeat, options.out)
+        worlds = run.worlds is not None if options.worlds is None else options.worlds
+        if worlds and run.worlds is None:
+            raise RequestError(
+                f"--worlds: the gaits of '{options.repertoire}' were not evaluated in another world; do so first "
+                f"(reevaluate {options.repertoire} --randomization TEXT), or leave it out."
+            )
+        return cls(
+            str(options.repertoire),
+            run,
+            damage,
+            AdaptationSettings(**settings),
+            worlds,
+            options.repeat,
+            options.out,
+        )
 
     def task(self, damage: str = "") -> Task:
         """Return the robot's task, sound or damaged."""
@@ -139,7 +153,7 @@ def _parser() -> argparse.ArgumentParser:
         default=scale,
         metavar="X",
         help="distance over which gaits tell about each other, in shares of the descriptor's range "
-        f"({scale}, chosen for hoppers; the paper's is {AdaptationSettings().length_scale})",
+        f"({scale}, the paper's)",
     )
     parser.add_argument(
         "--least-length-scale",
@@ -147,6 +161,11 @@ def _parser() -> argparse.ArgumentParser:
         default=0.0,
         metavar="X",
         help="above 0, the length scale is inferred from the trials, between this one and --length-scale (0)",
+    )
+    parser.add_argument(
+        "--worlds",
+        action=argparse.BooleanOptionalAction,
+        help="whether the robot may be in other worlds that the gaits were evaluated in (if there are any)",
     )
     parser.add_argument(
         "--repeat",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 import rclpy
@@ -13,7 +13,9 @@ from pga_me_msgs.srv import GetAdaptation, GetBehavior, NextTrial, ReportTrial, 
 from pga_me_ros.adapting.memory import Memory, Undertaking
 from pga_me_ros.adapting.messages import estimate_to_msg, trial_to_msg
 from pga_me_ros.adapting.repertoire_link import RepertoireLink
-from pga_me_ros.core.adaptation.adaptation import Adaptation, AdaptationSettings, Trial
+from pga_me_ros.adapting.run_worlds import RunWorlds
+from pga_me_ros.core.adaptation.adaptation import Adaptation, Trial
+from pga_me_ros.core.adaptation.adaptation_settings import AdaptationSettings
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.core.settings.field import setting
 from pga_me_ros.errors import RequestError, StorageError
@@ -35,6 +37,12 @@ class AdapterSettings:
         "SQLite file with all trials of the robot, from which an adaptation is continued after a restart.",
         path=True,
     )
+    worlds: str = setting(
+        "",
+        "Folder of the repertoire's run, or zoo/NAME, whose re-evaluations in other worlds (reevaluate RUN "
+        "--randomization TEXT) tell what behaviors achieve there: worlds that the robot may be in; empty: none.",
+        path=True,
+    )
 
 
 class Adapter(GraphNode):
@@ -43,9 +51,11 @@ class Adapter(GraphNode):
     def __init__(self) -> None:
         super().__init__("adapter")
         values = declare(self, AdapterSettings, AdaptationSettings, shared=(Settings, RunOptions))
+        own = {f.name for f in fields(AdapterSettings)}
         self._settings = AdaptationSettings(
-            **{name: value for name, value in values.items() if name != "memory"}
+            **{name: value for name, value in values.items() if name not in own}
         )
+        self._worlds = RunWorlds.load(values["worlds"]) if values["worlds"] else None
         self._memory = Memory(Path(values["memory"]))
         self._asking = rclpy.create_node(
             f"{self.get_name()}_asks", namespace=self.get_namespace(), context=self.context
@@ -206,7 +216,8 @@ class Adapter(GraphNode):
     def _of(self, undertaking: Undertaking, trials: list[Trial]) -> Adaptation:
         """Return an adaptation to the repertoire as it is now."""
         settings = replace(self._settings, budget=undertaking.budget)
-        return Adaptation(self._repertoire.promises(undertaking), settings, trials)
+        worlds = self._worlds.of(undertaking.run_id) if self._worlds else None
+        return Adaptation(self._repertoire.promises(undertaking), settings, trials, worlds=worlds)
 
     def _refresh(self, adaptation: Adaptation, undertaking: Undertaking) -> None:
         """List the repertoire again."""

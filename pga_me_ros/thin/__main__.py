@@ -89,6 +89,8 @@ def thin(options: argparse.Namespace, command: str) -> Path:
     last = _metrics(run.metrics[-1], kept)
     store_whole_run(out / REPERTOIRE, info, kept, [last], run.generations[-1].rates, closed=True)
     rows.with_measure(last.generation, measured).save(out / REPERTOIRE)
+    for others in run.elsewhere:
+        _rows_of(others, kept).save(out / REPERTOIRE)
     if actor:
         save_actor(out / REPERTOIRE, info.run_id, run.spec, actor.actor, actor.generation)
     text = card(out.name, run, kept, known, (whole, measured), command, options.remark, actor)

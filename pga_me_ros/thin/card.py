@@ -170,10 +170,15 @@ def _not_for(run: StoredRun, kept: Archive, known: Statistics) -> Iterator[str]:
             f"- Running any of them blindly: {len(often)} fall in more than {SELDOM:.0%} of their episodes, one of "
             f"them in {known.fall_share[often].max():.0%}. Each answer says how often (`fall_share`)."
         )
+    unlike = (
+        "floors, masses and motors unlike those named above, a real robot."
+        if run.elsewhere
+        else "other floors, masses, motors, a real robot. They were "
+        f"evaluated in {run.settings.task} and nowhere else."
+    )
     yield (
         f"- Episodes longer than {run.spec.max_steps * run.spec.control_period:.1f} s, other starts than those of the "
-        "task, and anything that its simulation has not: other floors, masses, motors, a real robot. They were "
-        f"evaluated in {run.settings.task} and nowhere else."
+        f"task, and anything that its simulation has not: {unlike}"
     )
     yield "- Descriptors far from those above: the nearest behavior is then far, too; `max_distance` refuses it."
     yield ""

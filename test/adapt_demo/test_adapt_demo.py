@@ -12,6 +12,7 @@ from PIL import Image
 
 from pga_me_ros.adapt_demo.__main__ import main
 from pga_me_ros.adapt_demo.picture import draw
+from pga_me_ros.adapt_demo.plan import DAMAGE, Plan
 from pga_me_ros.adapt_demo.robot import POSES, Achieved, Robot, Way
 from pga_me_ros.adapt_demo.story import Found, Map, Step, trial_row
 from pga_me_ros.core.networks.controller import MlpController
@@ -25,7 +26,7 @@ SHAPE = MlpShape((15, 8, 3))
 
 @pytest.fixture(scope="module")
 def robot() -> Iterator[Robot]:
-    task = make_task("qd_hopper", damage="load 2")
+    task = make_task("qd_hopper", damage=DAMAGE)
     yield Robot(task)
     task.close()
 
@@ -41,7 +42,7 @@ def robot() -> Iterator[Robot]:
         (["nowhere"], "'nowhere"),
         (["--budget", "0"], "budget is 0; expected a value from 1"),
         (["--length-scale", "nan"], "length_scale is nan"),
-        (["--least-length-scale", "0.5"], "up to below length_scale, which is 0.02"),
+        (["--least-length-scale", "0.5"], "up to below length_scale, which is 0.4"),
         (["--repeat", "-1"], "--repeat is -1"),
         (["--out", "picture.gif"], "ends in .png, .svg, .pdf"),
         (["--out", "no_such_folder/picture.png"], "cannot be written (No such file or directory)"),
@@ -63,6 +64,23 @@ def test_bad_input_is_told_in_one_line_before_anything_starts(
     assert said in err
     assert err.count("\n") == 1
     assert list(tmp_path.iterdir()) == []
+
+
+def test_worlds_that_the_repertoire_does_not_know_are_refused(
+    hopper_run: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main([str(hopper_run), "--worlds"]) == 2
+    assert "were not evaluated in another world; do so first" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "worlds"), [([], True), (["--no-worlds"], False), (["--worlds"], True)]
+)
+def test_a_robot_may_be_in_the_worlds_that_its_repertoire_knows(
+    words: list[str], worlds: bool, tmp_path: Path
+) -> None:
+    plan = Plan.read(["zoo/qd_hopper", "--out", str(tmp_path / "a.png"), *words])
+    assert plan.worlds == worlds
 
 
 def test_what_a_controller_achieves_is_the_mean_from_all_poses(robot: Robot) -> None:

@@ -11,7 +11,8 @@ import pytest
 from graph import Graph, Started, wait_until
 
 from pga_me_ros.adapt_demo.robot import Robot, Way
-from pga_me_ros.core.adaptation.adaptation import Adaptation, AdaptationSettings
+from pga_me_ros.core.adaptation.adaptation import Adaptation
+from pga_me_ros.core.adaptation.adaptation_settings import AdaptationSettings
 from pga_me_ros.core.adaptation.performance_map import PerformanceMap
 from pga_me_ros.core.storage.stored_run import StoredRun
 from pga_me_ros.tasks.registry import make_task

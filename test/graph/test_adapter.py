@@ -104,10 +104,11 @@ def robot(promised: float, descriptor: float) -> float:
     return promised if descriptor > 0.75 else 100.0
 
 
-def reference() -> tuple[Adaptation, list[int]]:
+def reference(*, worlds: bool = False) -> tuple[Adaptation, list[int]]:
     """Return an adaptation without ROS, and the cells that it tried."""
     run = StoredRun.load(REPERTOIRE)
-    adaptation = Adaptation(PerformanceMap.of(run.choices()))
+    others = run.worlds if worlds else None
+    adaptation = Adaptation(PerformanceMap.of(run.choices()), worlds=others)
     while trial := adaptation.next():
         adaptation.report(robot(trial.promised, float(trial.descriptor[0])))
     return adaptation, [trial.cell for trial in adaptation.trials]
@@ -137,6 +138,43 @@ def test_the_client_adapts_by_the_trials_of_the_library(adapting: Adapting) -> N
     np.testing.assert_array_equal(heard[-1].promised, expected.promises.fitness)
     assert [trial.cell for trial in heard[-1].trials] == cells
     assert heard[-1].best == best.number
+
+
+def test_a_robot_that_may_be_in_other_worlds_makes_the_trials_of_the_library(
+    adapting: Adapting,
+) -> None:
+    expected, cells = reference(worlds=True)
+    assert cells != reference()[1]
+    place = ("-r", "__ns:=/elsewhere")
+    graph, memory = adapting.graph, adapting.graph.folder / "elsewhere.db"
+    graph.start("archive_manager", {"repertoire": REPERTOIRE}, *place)
+    graph.start("adapter", {"memory": memory, "worlds": REPERTOIRE}, *place)
+    tried: list[int] = []
+
+    def attempt(behavior: Behavior) -> float:
+        tried.append(behavior.cell)
+        return robot(behavior.promised_fitness, float(behavior.promised_descriptor[0]))
+
+    client = Adapter(adapting.probe.node, prefix="/elsewhere")
+    result = client.adapt(attempt, anew=True)
+    assert tried == cells
+    assert (result.trials, result.adapted) == (len(cells), expected.adapted)
+    np.testing.assert_array_equal(client.status().expected, expected.estimate[0])
+
+
+def test_worlds_of_another_run_or_of_none_are_refused(adapting: Adapting, hopper_run: Path) -> None:
+    graph, place = adapting.graph, ("-r", "__ns:=/strange")
+    none = graph.start("adapter", {"worlds": hopper_run}, *place)
+    nowhere = graph.start("adapter", {"worlds": "zoo/qd_hoper"}, *place)
+    graph.start("archive_manager", {"repertoire": hopper_run}, *place)
+    graph.start("adapter", {"worlds": REPERTOIRE, "memory": graph.folder / "strange.db"}, *place)
+    refused = adapting.call(StartAdaptation, f"/strange/{names.START_ADAPTATION}")
+    assert not refused.ok
+    assert "names 'zoo/qd_hopper', which is run" in refused.message
+    assert none.wait() == 2
+    assert "were not evaluated in another world; do so first (reevaluate" in none.output
+    assert nowhere.wait() == 2
+    assert "did you mean 'zoo/qd_hopper'?" in nowhere.output
 
 
 def test_a_trial_is_open_until_it_is_reported_properly_and_once(adapting: Adapting) -> None:

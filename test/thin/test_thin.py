@@ -16,6 +16,7 @@ from pga_me_ros.core.archive.archive import Archive
 from pga_me_ros.core.archive.cvt import CvtArchive
 from pga_me_ros.core.archive.elites import Solutions
 from pga_me_ros.core.archive.statistics import Statistics
+from pga_me_ros.core.storage.reevaluations import file_name
 from pga_me_ros.core.storage.shipped import VARIABLE
 from pga_me_ros.core.storage.stored_run import StoredRun
 from pga_me_ros.errors import RequestError
@@ -27,6 +28,7 @@ from pga_me_ros.thin.choosing import Thinning, thinned
 
 REPEATS = 3
 KEPT = 5
+ELSEWHERE = "mass 0.9 1.1"
 
 
 @pytest.fixture(scope="module")
@@ -34,6 +36,7 @@ def run(new_run: Callable[..., Path]) -> StoredRun:
     """A run whose elites were re-evaluated."""
     folder = new_run(seed=11, evaluations=60, random_init=60)
     reevaluate(folder, REPEATS, processes=2)
+    reevaluate(folder, 2, processes=2, randomization=ELSEWHERE)
     return StoredRun.load(folder)
 
 
@@ -73,6 +76,21 @@ def test_what_is_kept_are_elites_of_the_run_with_their_re_evaluations(
     assert set(named.reevaluations.evaluation.tolist()) == set(
         archive.evaluations[archive.filled].tolist()
     )
+
+
+def test_what_is_kept_takes_along_what_it_does_in_other_worlds(
+    run: StoredRun, named: StoredRun, zoo: Path
+) -> None:
+    assert named.worlds is not None
+    assert run.worlds is not None
+    kept = np.sort(named.archive.evaluations[named.archive.filled_cells()])
+    assert named.worlds.evaluations.tolist() == kept.tolist()
+    np.testing.assert_array_equal(named.worlds.fitness, run.worlds.promises(kept))
+    assert [rows.elsewhere for rows in named.elsewhere] == [ELSEWHERE]
+    text = (zoo / "tiny_hopper/card.md").read_text()
+    assert f"Where {ELSEWHERE} is randomized (at least 2 re-evaluations each): mean" in text
+    assert "unlike those named above" in text
+    assert "and nowhere else" not in text
 
 
 def test_the_best_of_each_part_is_kept(run: StoredRun, named: StoredRun) -> None:
@@ -127,6 +145,7 @@ def test_the_file_can_be_read_where_nothing_can_be_written(
         == before
         == [
             "card.md",
+            file_name(ELSEWHERE),
             "reevaluations.npz",
             "repertoire.db",
         ]

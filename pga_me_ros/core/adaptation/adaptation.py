@@ -3,6 +3,9 @@
 Cully, Clune, Tarapore & Mouret, *Robots that can adapt like animals* (Nature 2015, arXiv 1407.3501), Algorithm 1: a
 Gaussian process over the descriptor space corrects the repertoire's promises by what trials achieved. The behavior
 with the greatest upper confidence bound is tried next, until a trial reached 90 % of the best that is still expected.
+
+With worlds, the robot may be in any of them, too: what behaviors achieve there is promised as well, and trials tell
+which promises hold.
 """
 
 from __future__ import annotations
@@ -15,74 +18,16 @@ from functools import cached_property
 import numpy as np
 
 from pga_me_ros.arrays import Float64Array
-from pga_me_ros.core.adaptation.gaussian_process import averaged_posterior, posterior
+from pga_me_ros.core.adaptation.adaptation_settings import AdaptationSettings
+from pga_me_ros.core.adaptation.gaussian_process import (
+    averaged_posterior,
+    log_likelihood,
+    mixture,
+    posterior,
+)
 from pga_me_ros.core.adaptation.performance_map import PerformanceMap
-from pga_me_ros.core.settings.field import INT64_MAX, setting
-from pga_me_ros.errors import RequestError, SettingsError
-
-SMALLEST_SCALE = 1e-6
-"""Smallest length scale that can be computed with."""
-
-SCALES = 5
-"""Number of length scales that are averaged."""
-
-
-@dataclass(frozen=True)
-class AdaptationSettings:
-    """How behaviors are chosen; the defaults are the paper's."""
-
-    budget: int = setting(20, "Most trials.", low=1, high=INT64_MAX, unit="trials")
-    length_scale: float = setting(
-        0.4,
-        "Distance over which behaviors tell about each other, in shares of the descriptor's range (the paper's rho).",
-        low=SMALLEST_SCALE,
-        high=1e6,
-    )
-    least_length_scale: float = setting(
-        0.0,
-        "If above 0, the length scale is inferred from the trials: several from this one to length_scale are averaged, "
-        "each by how well it explains what was achieved.",
-        low=0.0,
-        high=1e6,
-    )
-    noise: float = setting(
-        0.001,
-        "Variance of a trial's noise, in squared shares of the best promise (the paper's sigma_noise²).",
-        low=1e-9,
-        high=1e3,
-    )
-    kappa: float = setting(
-        0.05,
-        "Weight of the uncertainty in the upper confidence bound, in shares of the best promise.",
-        low=0.0,
-        high=1e3,
-    )
-    enough: float = setting(
-        0.9,
-        "Share of the best that is expected anywhere that a trial must reach to be the last one (the paper's alpha).",
-        low=0.0,
-        high=1.0,
-    )
-
-    def __post_init__(self) -> None:
-        """Check that the least length scale is the lesser one.
-
-        Raises:
-            SettingsError: It is not, or too small to compute with.
-        """
-        least, greatest = self.least_length_scale, self.length_scale
-        if least and not SMALLEST_SCALE <= least < greatest:
-            raise SettingsError(
-                f"least_length_scale is {least:g}; expected 0, or a value from {SMALLEST_SCALE:g} up to below "
-                f"length_scale, which is {greatest:g}."
-            )
-
-    @property
-    def length_scales(self) -> Float64Array:
-        """(k,) float64 length scales that count: the one, or several at equal ratios."""
-        if not self.least_length_scale:
-            return np.array([self.length_scale])
-        return np.geomspace(self.least_length_scale, self.length_scale, SCALES)
+from pga_me_ros.core.archive.worlds import Worlds
+from pga_me_ros.errors import RequestError
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,13 +80,16 @@ class Adaptation:
         trials: Trials of an earlier session to continue.
         floor: Fitness that counts as nothing achieved, from where shares count; None for 0, or for the least promise if
             that is below 0.
+        worlds: Other worlds that the robot may be in (``run.worlds``); only behaviors that are known in them are tried.
 
     Attributes:
         trials: All trials in their order.
         settings: How behaviors are chosen.
+        worlds: Other worlds that the robot may be in.
 
     Raises:
-        RequestError: `floor` is not below the best promise.
+        RequestError: `floor` is not below the best promise, or no behavior of the map, or not all of the trials', is
+            known in the worlds.
     """
 
     def __init__(
@@ -150,10 +98,19 @@ class Adaptation:
         settings: AdaptationSettings | None = None,
         trials: Iterable[Trial] = (),
         floor: float | None = None,
+        worlds: Worlds | None = None,
     ) -> None:
         self.settings = settings or AdaptationSettings()
         self.trials = list(trials)
+        self.worlds = worlds
         self._floor = floor
+        if worlds:
+            tried = np.array([t.evaluation for t in self.trials], np.int64)
+            if not worlds.known(tried).all():
+                raise RequestError(
+                    "Trials were made with behaviors that are not known in the worlds; start anew, or leave the worlds "
+                    "out."
+                )
         self.promises = promises
 
     @property
@@ -163,6 +120,14 @@ class Adaptation:
 
     @promises.setter
     def promises(self, promises: PerformanceMap) -> None:
+        if self.worlds:
+            known = self.worlds.known(promises.evaluations)
+            if not known.any():
+                raise RequestError(
+                    "None of the behaviors that may be tried is known in the worlds; evaluate them there (reevaluate "
+                    "RUN --randomization TEXT), or leave the worlds out."
+                )
+            promises = promises.only(known)
         floor = min(0.0, float(promises.fitness.min())) if self._floor is None else self._floor
         best = float(promises.fitness.max())
         if not floor < best:
@@ -251,16 +216,55 @@ class Adaptation:
     def estimate(self) -> tuple[Float64Array, Float64Array]:
         """(n,) float64 fitness that is expected of each behavior of the map, and (n,) float64 standard deviation."""
         p, s, done = self._promises, self.settings, self._done
-        dimensions = p.descriptors.shape[1]
-        tried = np.array([t.descriptor for t in done], np.float64).reshape(len(done), dimensions)
         missed = [(t.achieved or 0.0) - t.promised for t in done]
         shares = np.array(missed, np.float64) / self._span
-        observed = (p.points, p.scaled(tried), shares)
+        observed = (p.points, self._tried, shares)
+        if self.worlds:
+            return self._estimate_with(self.worlds, shares)
         if s.least_length_scale:
             means, deviations = averaged_posterior(*observed, s.length_scales.tolist(), s.noise)
         else:
             means, deviations = posterior(*observed, s.length_scale, s.noise)
         return p.fitness + self._span * means, self._span * deviations
+
+    def _estimate_with(
+        self, worlds: Worlds, shares: Float64Array
+    ) -> tuple[Float64Array, Float64Array]:
+        """Return the estimate where the robot may be in other worlds: all count by how well they explain the trials.
+
+        Args:
+            worlds: The worlds.
+            shares: (t,) float64 by which trials missed what the repertoire promised.
+        """
+        p, s = self._promises, self.settings
+        there = worlds.promises(p.evaluations)
+        evaluations = np.array([t.evaluation for t in self._done], np.int64)
+        achieved = np.array([t.achieved for t in self._done], np.float64)
+        share = (1.0 - s.sound) / max(len(there), 1)
+        possible = [(p.fitness, shares, 1.0, s.sound)]
+        if share:
+            missed = (achieved - worlds.promises(evaluations)) / self._span
+            rows = zip(there, missed, strict=True)
+            possible += [(fitness, misses, s.spread**2, share) for fitness, misses in rows]
+        parts, logs = [], []
+        for promised, misses, variance, probability in possible:
+            for scale in s.length_scales.tolist():
+                means, deviations = posterior(
+                    p.points, self._tried, misses, scale, s.noise, variance
+                )
+                parts.append((promised + self._span * means, self._span * deviations))
+                logs.append(
+                    math.log(probability)
+                    + log_likelihood(self._tried, misses, scale, s.noise, variance)
+                )
+        return mixture(parts, logs)
+
+    @property
+    def _tried(self) -> Float64Array:
+        """(t, d) float64 descriptors of the reported trials in shares of their range."""
+        dimensions = self._promises.descriptors.shape[1]
+        tried = [t.descriptor for t in self._done]
+        return self._promises.scaled(np.array(tried, np.float64).reshape(len(tried), dimensions))
 
     @property
     def _done(self) -> list[Trial]:

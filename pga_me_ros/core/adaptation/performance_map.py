@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pga_me_ros.arrays import Float64Array, Int64Array
+from pga_me_ros.arrays import BoolArray, Float64Array, Int64Array
 from pga_me_ros.core.archive.choosing import Choices
 from pga_me_ros.errors import RequestError
 
@@ -79,6 +79,21 @@ class PerformanceMap:
             np.asarray(choices.archive.low, np.float64),
             np.asarray(choices.archive.high, np.float64),
         )
+
+    def only(self, rows: BoolArray) -> PerformanceMap:
+        """Return the map of some of its behaviors.
+
+        Args:
+            rows: (n,) bool, True for each of them.
+
+        Raises:
+            RequestError: It is none.
+        """
+        columns = {
+            name: getattr(self, name)[rows]
+            for name in ("cells", "evaluations", "descriptors", "fitness")
+        }
+        return replace(self, **columns)
 
     @property
     def points(self) -> Float64Array:

@@ -20,6 +20,7 @@ from pga_me_ros.core.archive.corrected import CorrectedMetrics, complete_metrics
 from pga_me_ros.core.archive.elites import Elite
 from pga_me_ros.core.archive.metrics import Metrics
 from pga_me_ros.core.archive.statistics import Statistics
+from pga_me_ros.core.archive.worlds import Worlds
 from pga_me_ros.core.networks.mlp import MlpShape
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.core.storage.npz import repertoire_arrays
@@ -29,6 +30,7 @@ from pga_me_ros.core.storage.rows import Generation
 from pga_me_ros.core.storage.run_info import RunInfo
 from pga_me_ros.core.storage.shipped import REPERTOIRE, located
 from pga_me_ros.core.storage.stored_behavior import StoredBehavior
+from pga_me_ros.core.storage.stored_worlds import worlds_of
 from pga_me_ros.errors import RequestError, SettingsError, StorageError
 from pga_me_ros.tasks.spec import TaskSpec
 
@@ -118,6 +120,11 @@ class StoredRun:
     def elsewhere(self) -> tuple[Reevaluations, ...]:
         """Re-evaluations in which other things were randomized than in the run."""
         return Reevaluations.load_elsewhere(self.file, self.info.run_id, self.spec.descriptor_dim)
+
+    @cached_property
+    def worlds(self) -> Worlds | None:
+        """What elites achieve in other worlds, by their re-evaluations there; None without any."""
+        return worlds_of(self.elsewhere)
 
     @cached_property
     def statistics(self) -> Statistics:

@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pga_me_ros.core.adaptation.adaptation import Adaptation, AdaptationSettings
+from pga_me_ros.core.adaptation.adaptation import Adaptation
+from pga_me_ros.core.adaptation.adaptation_settings import AdaptationSettings
 from pga_me_ros.core.adaptation.performance_map import PerformanceMap
 from pga_me_ros.core.storage.stored_run import StoredRun
 from pga_me_ros.errors import RequestError, SettingsError

@@ -13,17 +13,20 @@ from pga_me_ros.core.adaptation.gaussian_process import (
 )
 
 
+@pytest.mark.parametrize("variance", [1.0, 0.09])
 @pytest.mark.parametrize(("count", "dimensions"), [(1, 1), (7, 2), (20, 4)])
-def test_mean_and_deviation_are_those_of_scikit_learn(count: int, dimensions: int) -> None:
+def test_mean_and_deviation_are_those_of_scikit_learn(
+    count: int, dimensions: int, variance: float
+) -> None:
     rng = np.random.default_rng(count)
     points, tried = rng.random((50, dimensions)), rng.random((count, dimensions))
     tried[-1] = tried[0]  # a behavior that was tried twice
     observed = rng.normal(size=count)
     sklearn = pytest.importorskip("sklearn.gaussian_process")
-    kernel = sklearn.kernels.Matern(0.4, nu=2.5)
+    kernel = sklearn.kernels.ConstantKernel(variance) * sklearn.kernels.Matern(0.4, nu=2.5)
     oracle = sklearn.GaussianProcessRegressor(kernel, alpha=0.001, optimizer=None)
     oracle.fit(tried, observed)
-    means, deviations = posterior(points, tried, observed, 0.4, 0.001)
+    means, deviations = posterior(points, tried, observed, 0.4, 0.001, variance)
     expected_means, expected_deviations = oracle.predict(points, return_std=True)
     np.testing.assert_allclose(means, expected_means, rtol=1e-8, atol=1e-8)
     np.testing.assert_allclose(deviations, expected_deviations, rtol=1e-6, atol=1e-6)
@@ -42,15 +45,16 @@ def test_a_point_that_is_observed_again_and_again_keeps_a_deviation() -> None:
     assert matern52(tried[:1], tried[:1], 0.4) == 1.0
 
 
+@pytest.mark.parametrize("variance", [1.0, 0.09])
 @pytest.mark.parametrize("length_scale", [0.02, 0.4])
-def test_the_likelihood_is_that_of_scikit_learn(length_scale: float) -> None:
+def test_the_likelihood_is_that_of_scikit_learn(length_scale: float, variance: float) -> None:
     rng = np.random.default_rng(0)
     tried, observed = rng.random((8, 2)), rng.normal(size=8)
     sklearn = pytest.importorskip("sklearn.gaussian_process")
-    kernel = sklearn.kernels.Matern(length_scale, nu=2.5)
+    kernel = sklearn.kernels.ConstantKernel(variance) * sklearn.kernels.Matern(length_scale, nu=2.5)
     oracle = sklearn.GaussianProcessRegressor(kernel, alpha=0.001, optimizer=None)
     expected = oracle.fit(tried, observed).log_marginal_likelihood()
-    assert log_likelihood(tried, observed, length_scale, 0.001) == pytest.approx(expected)
+    assert log_likelihood(tried, observed, length_scale, 0.001, variance) == pytest.approx(expected)
 
 
 def test_before_the_first_observation_all_length_scales_count_alike_and_all_is_prior() -> None:
