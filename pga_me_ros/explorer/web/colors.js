@@ -3,10 +3,15 @@
 const Colors = (() => {
   const RAMP = [[40, 12, 84], [52, 74, 140], [30, 130, 140], [70, 184, 108], [250, 232, 60]];
   const FALLS = [[46, 125, 80], [214, 196, 96], [201, 88, 52], [96, 16, 40]];
+  // On a dark page the dark ends would look like empty cells.
+  const IN_THE_DARK = new Map([
+    [RAMP, [[132, 92, 200], [86, 116, 208], [40, 150, 160], [70, 184, 108], [250, 232, 60]]],
+    [FALLS, [[46, 125, 80], [214, 196, 96], [226, 112, 60], [196, 40, 90]]],
+  ]);
   // In the middle no gray: empty cells have that.
   const DIVERGING = [[178, 60, 20], [240, 170, 110], [255, 246, 190], [150, 190, 226], [20, 84, 160]];
   // Told apart by the color-blind (Okabe and Ito), by operator.
-  const KINDS = ["#999999", "#e69f00", "#0072b2", "#d55e00", "#cc79a7", "#56b4e9", "#009e73", "#f0e442", "#882255", "#555555"];
+  const KINDS = ["#999999", "#e69f00", "#0072b2", "#d55e00", "#cc79a7", "#56b4e9", "#009e73", "#f0e442", "#b8336a", "#9467ff"];
   const ONLY = { first: "#7a3b8f", second: "#3f8f3b" };
 
   const MEASURES = {
@@ -16,6 +21,8 @@ const Colors = (() => {
     generation: { title: "generation", value: (e) => e.generation, ramp: RAMP },
     operator: { title: "operator", value: (e) => e.made_by, kinds: true },
   };
+
+  const rampOf = (measure) => (Store.state.dark ? IN_THE_DARK.get(measure.ramp) : measure.ramp);
 
   function onRamp(ramp, share) {
     const place = Math.min(1, Math.max(0, share)) * (ramp.length - 1);
@@ -50,7 +57,7 @@ const Colors = (() => {
     const color = (elite) => {
       const value = measure.value(elite);
       if (value === null) return null;
-      return onRamp(measure.ramp, high > low ? (value - low) / (high - low) : 1);
+      return onRamp(rampOf(measure), high > low ? (value - low) / (high - low) : 1);
     };
     return { measure, low, high, below: least < low, above: most > high, color };
   }
@@ -72,24 +79,26 @@ const Colors = (() => {
     return { gaps, most, beyond, color, ramp: DIVERGING };
   }
 
-  function ramp(colors) {
-    return `linear-gradient(to right, ${colors.map((c) => `rgb(${c.join(",")})`).join(", ")})`;
+  // A ramp between the values of its ends, which must not be torn apart at the end of a line.
+  function key(colors, low, high) {
+    const gradient = `linear-gradient(to right, ${colors.map((c) => `rgb(${c.join(",")})`).join(", ")})`;
+    return Page.make("span", { class: "key" }, low, Page.make("span", { class: "ramp", style: `background:${gradient}` }), high);
   }
 
   function swatch(color, title) {
     return Page.make("span", {}, Page.make("span", { class: "swatch", style: `background:${color}` }), title);
   }
 
-  function legend(place, key, runs, compared) {
-    const { measure, low, high, below, above, color } = scale(key, runs);
+  function legend(place, name, runs, compared) {
+    const { measure, low, high, below, above, color } = scale(name, runs);
     const parts = [];
     const word = (text) => Page.make("span", {}, text);
     if (measure.kinds) {
       const used = new Set(runs.flatMap((run) => run.elites.map((e) => e.made_by)));
-      for (const name of used) parts.push(swatch(color({ made_by: name }), runs[0].operators[name] || name));
+      for (const made_by of used) parts.push(swatch(color({ made_by }), runs[0].operators[made_by] || made_by));
     } else {
       const text = measure.percent ? Numbers.percent : Numbers.text;
-      parts.push(word(measure.title), word(`${below ? "≤ " : ""}${text(low)}`), Page.make("span", { class: "ramp", style: `background:${ramp(measure.ramp)}` }), word(`${above ? "≥ " : ""}${text(high)}`));
+      parts.push(word(measure.title), key(rampOf(measure), `${below ? "≤ " : ""}${text(low)}`, `${above ? "≥ " : ""}${text(high)}`));
       if (runs.some((run) => run.elites.some((e) => measure.value(e) === null))) {
         parts.push(swatch("var(--soft)", "not re-evaluated"));
       }
@@ -97,7 +106,7 @@ const Colors = (() => {
     parts.push(swatch("var(--empty)", "empty"));
     if (compared) {
       const { most, beyond } = difference(...runs);
-      parts.push(word("difference"), word(`${beyond ? "≤ " : ""}${Numbers.text(-most)}`), Page.make("span", { class: "ramp", style: `background:${ramp(DIVERGING)}` }), word(`${beyond ? "≥ " : ""}${Numbers.text(most)}`));
+      parts.push(word("difference"), key(DIVERGING, `${beyond ? "≤ " : ""}${Numbers.text(-most)}`, `${beyond ? "≥ " : ""}${Numbers.text(most)}`));
       parts.push(swatch(ONLY.first, "only in the first"), swatch(ONLY.second, "only in the second"));
     }
     Page.replace(place, ...parts);

@@ -78,7 +78,7 @@ const Curves = (() => {
     const long = runs.some((run) => run.curves.evaluations.length > 1);
     const key = Page.make("p", { class: "hint key" }, ...runs.map((run, i) => Colors.swatch(COLORS[i % 2], run.caption)));
     Page.replace(Page.byId("curves"), long && runs.length > 1 ? key : null, ...(long ? LINES.map(([key, title]) => figure(key, title, runs)) : []));
-    Page.replace(Page.byId("facts"), ...runs.flatMap((run) => [contributions(run), corrected(run)]));
+    Page.replace(Page.byId("facts"), ...runs.map(contributions), ...runs.map(corrected));
   }
 
   function start() {

@@ -72,7 +72,7 @@ const Details = (() => {
     return list;
   }
 
-  const button = (id, title, text) => Page.make("button", { type: "button", id, onclick: () => Page.copy(text()) }, title);
+  const button = (id, title, text) => Page.make("button", { type: "button", id, onclick: () => Page.copy(text(), "actions") }, title);
 
   let told = "";
 

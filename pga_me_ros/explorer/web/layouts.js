@@ -26,16 +26,17 @@ const Layouts = (() => {
     return (x - low) / (high - low);
   });
 
-  // One dimension: a bar per cell, as high as the gait is fit.
-  function bars(run) {
+  // One dimension: a bar per cell, as high as the gait is fit; two runs have one scale.
+  function bars(run, elites) {
     const toUnit = unit(run);
     const centers = run.archive.centers.map((c, cell) => [toUnit(c)[0], cell]).sort((a, b) => a[0] - b[0]);
-    const [low, high] = Numbers.range(run.elites.map((e) => e.promise));
+    const byCell = new Map(elites.map((e) => [e.cell, e]));
+    const [low, high] = Numbers.range(Store.state.runs.flatMap((each) => each.elites.map((e) => e.promise)));
     const floor = Math.min(0, low);
     const shapes = centers.map(([x, cell], i) => {
       const left = i ? (centers[i - 1][0] + x) / 2 : 0;
       const right = i + 1 < centers.length ? (x + centers[i + 1][0]) / 2 : 1;
-      const elite = run.byCell.get(cell);
+      const elite = byCell.get(cell);
       const top = elite ? Math.max(0.012, (elite.promise - floor) / (high - floor || 1)) : 1;
       return { cell, points: box(left, 0, right, top) };
     });
@@ -72,7 +73,7 @@ const Layouts = (() => {
 
   // Maps within maps: dimensions 0, 2, 4... to the right, the first outermost, 1, 3, 5... upwards. Elites of a CVT archive
   // are put into even bins; where several share one, the fittest is drawn.
-  function nested(run) {
+  function nested(run, elites) {
     const d = run.spec.descriptor_names.length;
     const even = Math.max(2, Math.round(run.archive.cells ** (1 / d)));
     const bins = run.archive.bins.length ? run.archive.bins : Array(d).fill(even);
@@ -80,7 +81,7 @@ const Layouts = (() => {
     const counts = dims.map((ks) => ks.reduce((n, k) => n * bins[k], 1));
     const place = (where, ks) => ks.reduce((at, k) => at * bins[k] + where[k], 0);
     const shown = new Map();
-    for (const elite of run.elites) {
+    for (const elite of elites) {
       const where = run.archive.bins.length
         ? binsOf(elite.cell, bins)
         : bins.map((n, k) => Math.min(n - 1, Math.floor(shareOf(run, elite, k) * n)));
@@ -103,8 +104,8 @@ const Layouts = (() => {
   }
 
   // Two chosen axes: a dot per elite, where its descriptor is.
-  function dots(run, i, j) {
-    const fittestLast = [...run.elites].sort((a, b) => a.promise - b.promise); // on top of the others
+  function dots(run, elites, i, j) {
+    const fittestLast = [...elites].sort((a, b) => a.promise - b.promise); // on top of the others
     const shapes = fittestLast.map((e) => ({ cell: e.cell, dot: [shareOf(run, e, i), shareOf(run, e, j)] }));
     return { shapes, background: true, x: axis(run, i), y: axis(run, j), height: 1 };
   }
@@ -119,11 +120,13 @@ const Layouts = (() => {
     return list;
   }
 
-  function of(run, name) {
+  // With another run, what only that one has is drawn, too.
+  function of(run, name, other) {
+    const elites = [...run.elites, ...(other ? other.elites.filter((e) => !run.byCell.has(e.cell)) : [])];
     const pair = /^dots:(\d+),(\d+)$/.exec(name || "");
     const d = run.spec.descriptor_names.length;
-    if (pair && Number(pair[2]) < d) return dots(run, Number(pair[1]), Number(pair[2]));
-    return d === 1 ? bars(run) : d === 2 ? plane(run) : nested(run);
+    if (pair && Number(pair[2]) < d) return dots(run, elites, Number(pair[1]), Number(pair[2]));
+    return d === 1 ? bars(run, elites) : d === 2 ? plane(run) : nested(run, elites);
   }
 
   return { choices, of };

@@ -29,17 +29,17 @@ const Live = (() => {
 
   // Fetches a file and hands it to the browser; what a link would download without a word may be refused, or take long.
   async function download(run, elite, kind) {
-    const said = Page.byId("copied");
-    said.textContent = `Making the ${kind} file …`;
+    const say = (text) => Page.say(text, "actions");
+    say(`Making the ${kind} file …`);
     try {
       const answer = await answered(`api/download/${run.index}/${elite.cell}/${kind}`);
       const [, name] = /filename="(.+)"/.exec(answer.headers.get("Content-Disposition"));
       const href = URL.createObjectURL(await answer.blob());
       Page.make("a", { href, download: name }).click();
       setTimeout(() => URL.revokeObjectURL(href), 60_000); // when the browser has surely taken it
-      said.textContent = `Downloaded ${name}`;
+      say(`Downloaded ${name}`);
     } catch (error) {
-      said.textContent = error.message;
+      say(error.message);
     }
   }
 

@@ -61,7 +61,7 @@ const Explorer = (() => {
     button.setAttribute("aria-label", `${button.textContent} colors`);
     button.onclick = () => theme(!dark);
     Stage.theme();
-    if (Store.state.runs.length) Player.seek(Player.view().time);
+    Store.set({ dark });
   }
 
   function start() {

@@ -43,7 +43,7 @@ const Maps = (() => {
 
   // Draws one map. `compared` is the difference of two runs, which has its own colors.
   function draw(run, caption, compared) {
-    const layout = Layouts.of(run, Store.state.layout);
+    const layout = Layouts.of(run, Store.state.layout, compared && Store.state.runs[1]);
     const height = (WIDTH - LEFT - EDGE) * layout.height;
     const x = (u) => LEFT + u * (WIDTH - LEFT - EDGE);
     const y = (v) => EDGE + (1 - v) * height;
@@ -66,6 +66,7 @@ const Maps = (() => {
     for (const u of layout.lines ? layout.lines[0] : []) group.append(Page.svg("path", { class: "frame", d: `M${x(u)},${y(0)}V${y(1)}` }));
     for (const v of layout.lines ? layout.lines[1] : []) group.append(Page.svg("path", { class: "frame", d: `M${x(0)},${y(v)}H${x(1)}` }));
     const mark = Page.svg("path", { class: layout.bars ? "chosen bar" : "chosen" });
+    const pointed = Page.svg("path", { class: "pointed" }); // on top: the neighbors would cover half of a cell's own border
     const label = (tx, ty, text, anchor, turned) =>
       Page.svg(
         "text",
@@ -79,6 +80,7 @@ const Maps = (() => {
       group,
       Page.svg("rect", { class: "frame", x: x(0), y: y(1), width: x(1) - x(0), height }),
       mark,
+      pointed,
       label(x(0), y(0) + 17, Numbers.text(layout.x.low), "start"),
       label(x(1), y(0) + 17, Numbers.text(layout.x.high), "end"),
       label((x(0) + x(1)) / 2, y(0) + 34, layout.x.title, "middle"),
@@ -90,8 +92,12 @@ const Maps = (() => {
     svg.addEventListener("pointermove", (event) => {
       const cell = cellAt(event);
       tip(event, cell === null ? "" : compared ? gap(compared, cell) : facts(run, cell));
+      pointed.setAttribute("d", event.target.classList.contains("elite") ? outline(event.target) : "");
     });
-    svg.addEventListener("pointerleave", (event) => tip(event, ""));
+    svg.addEventListener("pointerleave", (event) => {
+      tip(event, "");
+      pointed.setAttribute("d", "");
+    });
     svg.addEventListener("click", (event) => {
       const cell = cellAt(event);
       const owner = compared && cell !== null && !run.byCell.has(cell) ? Store.state.runs[1] : run;
@@ -151,17 +157,17 @@ const Maps = (() => {
     for (const { run, compared, shapes, tops, mark } of views) {
       const own = compared || run.index === Store.state.run;
       const shape = own ? shapes.get(Store.state.cell) : undefined;
-      const dot = shape && shape.tagName === "circle";
       const bar = tops.get(Store.state.cell);
-      mark.setAttribute("d", !shape ? "" : bar ? pointer(...bar) : dot ? ring(shape) : shape.getAttribute("d"));
+      mark.setAttribute("d", !shape ? "" : bar ? pointer(...bar) : outline(shape));
     }
   }
 
   // An arrow from above: a line around a bar that is a pixel wide would hide it.
   const pointer = (middle, top) => `M${middle - 6},0h12l-6,${EDGE}ZM${middle},${EDGE}V${top}`;
 
-  function ring(circle) {
-    const [cx, cy] = ["cx", "cy"].map((name) => Number(circle.getAttribute(name)));
+  function outline(shape) {
+    if (shape.tagName !== "circle") return shape.getAttribute("d");
+    const [cx, cy] = ["cx", "cy"].map((name) => Number(shape.getAttribute(name)));
     return `M${cx - 8},${cy}a8,8 0 1,0 16,0a8,8 0 1,0 -16,0Z`;
   }
 
@@ -184,7 +190,7 @@ const Maps = (() => {
 
   function start() {
     Store.on("runs layout", drawAll);
-    Store.on("color matching", paint);
+    Store.on("color matching dark", paint);
     Store.on("run cell", markChosen);
   }
 

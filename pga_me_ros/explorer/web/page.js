@@ -37,8 +37,15 @@ const Page = {
     place.textContent = text;
   },
 
-  async copy(text) {
-    Page.byId("copied").textContent = text;
+  // What a button has to say, below it: `place` is what the button stands in.
+  say(text, place) {
+    const said = Page.byId("copied");
+    if (said.previousElementSibling !== Page.byId(place)) Page.byId(place).after(said);
+    said.textContent = text;
+  },
+
+  async copy(text, place) {
+    Page.say(text, place);
     try {
       await navigator.clipboard.writeText(text);
     } catch {

@@ -47,7 +47,7 @@ const Player = (() => {
     slider.max = end();
     slider.disabled = Page.byId("play").disabled = !lanes.length;
     drawLanes();
-    Strip.prepare(lanes[0]);
+    Strip.prepare(lanes[0], end());
     seek(0);
     play(lanes.length > 0 && !matchMedia("(prefers-reduced-motion: reduce)").matches);
   }
@@ -57,7 +57,14 @@ const Player = (() => {
     Page.byId("time").value = time;
     Stage.pose(lanes.map((lane) => Motion.at(lane.motion, time)));
     readings();
-    Strip.draw(lanes[0], time);
+    Strip.draw(time);
+  }
+
+  // Draws again in other colors, or in another width.
+  function redraw() {
+    if (!lanes.length) return;
+    Strip.prepare(lanes[0], end());
+    Strip.draw(time);
   }
 
   function readings() {
@@ -96,11 +103,14 @@ const Player = (() => {
   function drawLanes() {
     const chosen = lanes[0];
     const keep = chosen && pinned.length < MOST - 1 && !pinned.some((lane) => same(lane, chosen));
+    const several = lanes.length > 1;
+    const numbered = (lane) => (several ? `${1 + lanes.findIndex((other) => same(other, lane))}: ` : "") + name(lane);
     const kept = pinned.map((lane) =>
-      Page.make("button", { type: "button", onclick: () => unpin(lane), "aria-label": `Remove ${name(lane)}` }, `✕ ${name(lane)}`),
+      Page.make("button", { type: "button", onclick: () => unpin(lane), "aria-label": `Remove ${numbered(lane)}` }, `✕ ${numbered(lane)}`),
     );
     Page.replace(
       Page.byId("lanes"),
+      several && !pinned.some((lane) => same(lane, chosen)) ? Page.make("span", {}, numbered(chosen)) : null,
       keep ? Page.make("button", { type: "button", id: "pin", onclick: pin }, "Keep for comparison") : null,
       ...kept,
     );
@@ -130,9 +140,9 @@ const Player = (() => {
     if (form.hidden || form.elements.length) return;
     const field = (name, title, attributes) => Page.make("label", {}, title, Page.make("input", { name, id: `world-${name}`, autocomplete: "off", ...attributes }));
     form.append(
-      field("seed", "Seed", { value: "2", inputmode: "numeric", pattern: "[0-9]+", required: true }),
-      field("ranges", "Randomization", { class: "wide", placeholder: "mass 0.8 1.2, friction 0.6 1.2" }),
-      Page.make("button", { type: "submit", id: "world-go" }, "Start"),
+      field("seed", "Seed of another start", { value: "2", inputmode: "numeric", pattern: "[0-9]+", required: true }),
+      field("ranges", "Randomization (optional)", { class: "wide", placeholder: "mass 0.8 1.2, friction 0.6 1.2" }),
+      Page.make("button", { type: "submit", id: "world-go" }, "Simulate"),
     );
     form.addEventListener("submit", (event) => {
       event.preventDefault();
@@ -177,6 +187,8 @@ const Player = (() => {
     });
     Store.on("run", drawStarts);
     Store.on("run cell start", load);
+    Store.on("dark", redraw);
+    window.addEventListener("resize", redraw);
   }
 
   const view = () => ({ time, end: end(), playing, cells: lanes.map((lane) => lane.cell), starts: lanes.map((lane) => lane.start), joints: lanes.length ? Stage.joints() : [] });
@@ -187,8 +199,10 @@ const Player = (() => {
 const Strip = (() => {
   const ROW = 16;
   let picture = null; // the rows, drawn once per motion
+  let end = 0; // seconds that the strip spans, as the slider does: those of the longest gait on the stage
 
-  function prepare(lane) {
+  function prepare(lane, seconds) {
+    end = seconds;
     const canvas = Page.byId("strip");
     const strip = lane && lane.motion.strip;
     canvas.hidden = !strip;
@@ -202,10 +216,10 @@ const Strip = (() => {
     picture.width = canvas.width;
     picture.height = canvas.height;
     const context = picture.getContext("2d");
-    const x = (i) => (lane.motion.seconds[i] / lane.motion.end) * canvas.width;
+    const x = (i) => (lane.motion.seconds[i] / end) * canvas.width;
     for (let k = 0; k < columns; k += 1) {
       context.fillStyle = Page.color("empty");
-      context.fillRect(0, k * ROW + 2, canvas.width, ROW - 4);
+      context.fillRect(0, k * ROW + 2, x(rows - 1), ROW - 4);
       context.fillStyle = Page.color("accent");
       for (let i = 0; i + 1 < rows; i += 1) {
         const value = values[i * columns + k];
@@ -217,14 +231,14 @@ const Strip = (() => {
     }
   }
 
-  function draw(lane, time) {
+  function draw(time) {
     if (!picture) return;
     const canvas = Page.byId("strip");
     const context = canvas.getContext("2d");
     context.clearRect(0, 0, canvas.width, canvas.height);
     context.drawImage(picture, 0, 0);
     context.fillStyle = Page.color("focus");
-    context.fillRect(Math.min(1, time / lane.motion.end) * canvas.width - 1, 0, 2.5, canvas.height);
+    context.fillRect((time / end) * canvas.width - 1, 0, 2.5, canvas.height);
   }
 
   function start(seek) {

@@ -3,7 +3,10 @@
 const Stage = (() => {
   const LANE = 1.6; // meters between two robots
   const HALF = 30; // half the side of the ground, meters
-  const VIEW = [1.1, -3.6, 1.5]; // camera to robot, meters
+  const MIDDLE = 0.55; // height that the camera looks at, meters
+  const UP = new THREE.Vector3(0, 0, 1);
+  // What keys do to the camera: turn it, tilt it (radians), go closer or farther.
+  const KEYS = { ArrowLeft: [-0.15, 0, 1], ArrowRight: [0.15, 0, 1], ArrowUp: [0, -0.1, 1], ArrowDown: [0, 0.1, 1], "+": [0, 0, 1 / 1.15], "-": [0, 0, 1.15] };
   let renderer = null;
   let scene;
   let camera;
@@ -11,6 +14,7 @@ const Stage = (() => {
   let ground;
   let sun;
   let lanes = [];
+  let seen = 1; // robots that the camera was placed for
   let waiting = false;
 
   // Starts WebGL; returns why it cannot, or an empty text.
@@ -24,7 +28,6 @@ const Stage = (() => {
     THREE.Object3D.DefaultUp.set(0, 0, 1);
     camera = new THREE.PerspectiveCamera(38, 1, 0.05, 200);
     camera.up.set(0, 0, 1);
-    camera.position.set(...VIEW);
     renderer.setPixelRatio(Math.min(2, devicePixelRatio));
     renderer.shadowMap.enabled = true;
     place.append(renderer.domElement);
@@ -34,6 +37,9 @@ const Stage = (() => {
     controls.maxDistance = 30;
     controls.maxPolarAngle = 1.55;
     controls.addEventListener("change", render);
+    controls.target.z = MIDDLE;
+    lookAt(1);
+    place.addEventListener("keydown", turn);
     scene.add(new THREE.HemisphereLight(0xffffff, 0x8892a0, 0.6));
     sun = new THREE.DirectionalLight(0xffffff, 0.5);
     sun.castShadow = true;
@@ -81,28 +87,69 @@ const Stage = (() => {
     render();
   }
 
-  // Shows one robot per model.
+  // Puts the camera where it sees a number of robots: beside a single one, farther off and more from ahead for more of them.
+  function lookAt(count) {
+    const away = 1 + 0.2 * (count - 1);
+    const offset = count > 1 ? [2.4 * away, -3.2 * away, 1.4 * away] : [1.1, -3.6, 0.95];
+    camera.position.copy(controls.target).add(new THREE.Vector3(...offset));
+  }
+
+  function turn(event) {
+    const [around, over, times] = KEYS[event.key] || [];
+    if (!times) return;
+    event.preventDefault();
+    const offset = camera.position.clone().sub(controls.target).applyAxisAngle(UP, around);
+    offset.applyAxisAngle(offset.clone().cross(UP).normalize(), -over).multiplyScalar(times);
+    camera.position.copy(controls.target).add(offset);
+    controls.update();
+  }
+
+  // The number of a robot, which stays above it.
+  function badge(number) {
+    const canvas = Page.make("canvas", { width: 64, height: 64 });
+    const context = canvas.getContext("2d");
+    context.fillStyle = "#0b62a4";
+    context.arc(32, 32, 31, 0, 7);
+    context.fill();
+    Object.assign(context, { fillStyle: "#ffffff", font: "bold 46px sans-serif", textAlign: "center", textBaseline: "middle" });
+    context.fillText(number, 32, 35);
+    const sprite = new THREE.Sprite(new THREE.SpriteMaterial({ map: new THREE.CanvasTexture(canvas), depthTest: false }));
+    sprite.scale.set(0.3, 0.3, 1);
+    return sprite;
+  }
+
+  // Shows one robot per model; several have numbers.
   function show(models) {
     for (const lane of lanes) {
       scene.remove(lane.outer);
       lane.robot.drop();
+      if (lane.number) lane.number.material.map.dispose();
     }
+    if (models.length && models.length !== seen) lookAt(models.length);
+    seen = models.length || seen;
     lanes = models.map((model, i) => {
       const robot = Robot.build(model);
       const outer = new THREE.Group();
       outer.position.y = LANE * i;
       outer.add(robot.group);
+      const number = models.length > 1 ? badge(i + 1) : null;
+      if (number) outer.add(number);
       scene.add(outer);
-      return { robot, outer };
+      return { robot, outer, number };
     });
+    render();
   }
 
   // Poses every robot; the camera goes along with the first.
   function pose(poses) {
     if (!lanes.length) return;
-    poses.forEach((values, i) => lanes[i].robot.set(values));
+    poses.forEach((values, i) => {
+      const { robot, number } = lanes[i];
+      robot.set(values);
+      if (number) number.position.copy(robot.group.position).add(new THREE.Vector3(0, 0, 0.7));
+    });
     const base = lanes[0].robot.group.position;
-    const middle = new THREE.Vector3(base.x, base.y + (LANE * (lanes.length - 1)) / 2, 0.55);
+    const middle = new THREE.Vector3(base.x, base.y + (LANE * (lanes.length - 1)) / 2, MIDDLE);
     const moved = middle.clone().sub(controls.target);
     controls.target.copy(middle);
     camera.position.add(moved);

@@ -1,7 +1,7 @@
 "use strict";
 // What is shown and what is chosen. Parts of the page register with on() and are told what changed.
 const Store = (() => {
-  const state = { runs: [], run: 0, cell: null, color: "fitness", layout: "", start: "evaluation", matching: null };
+  const state = { runs: [], run: 0, cell: null, color: "fitness", layout: "", start: "evaluation", matching: null, dark: false };
   const listeners = [];
 
   function on(names, act) {

@@ -45,8 +45,8 @@ const Choice = (() => {
     const limits = wanted();
     const { problems, operator } = limits;
     if (operator) problems.push("no request chooses by operator; choose any");
-    if (problems.length) Page.byId("copied").textContent = `Not copied: ${problems.join("; ")}.`;
-    else Page.copy(Commands.nearest(Store.run(), limits, matches(limits).length));
+    if (problems.length) Page.say(`Not copied: ${problems.join("; ")}.`, "filter");
+    else Page.copy(Commands.nearest(Store.run(), limits, matches(limits).length), "filter");
   }
 
   // Numbers as they were typed; a word that is none is reported, not ignored.
@@ -143,6 +143,7 @@ const Choice = (() => {
     );
     const again = focused && Page.byId("table").querySelector(`tr[data-row="${focused}"] button`);
     if (again) again.focus();
+    Page.byId("matches").classList.toggle("warn", limits.problems.length > 0);
     Page.byId("matches").textContent = limits.problems.length
       ? `${limits.problems.join("; ")}.`
       : `${rows.length} of ${Store.run().elites.length} gaits`;
