@@ -1,4 +1,4 @@
-"""One browser for all tests of the page, and one page of a repertoire that comes with the package."""
+"""Pages of repertoires for the tests of the explorer, among them one that comes with the package."""
 
 from __future__ import annotations
 
@@ -7,20 +7,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from browsing import Page, running_browser
+from browsing import Page
 
 from pga_me_ros.explorer.__main__ import main
 
 ZOO = "zoo/qd_hopper"
 UNSEEN_SEED = 3
 RANDOMIZATION = "mass 0.8 1.2, friction 0.6"
-
-
-@pytest.fixture(scope="session")
-def browser() -> Iterator[Any]:
-    """Return a headless Chromium, driven by Playwright."""
-    with running_browser() as running:
-        yield running
 
 
 @pytest.fixture(scope="session")

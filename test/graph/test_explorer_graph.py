@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 import rclpy
 import yaml
-from browsing import Page, running_browser
+from browsing import Page
 from graph import Graph, Probe, Started
 from pga_me_msgs import srv
 from pga_me_msgs.msg import Behavior
@@ -21,12 +21,6 @@ from pga_me_msgs.msg import Behavior
 from pga_me_ros.core.storage.stored_run import StoredRun
 
 pytestmark = pytest.mark.slow
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    with running_browser() as running:
-        yield running
 
 
 @pytest.fixture
