@@ -47,7 +47,7 @@ def require_free_name(control: Control, claim: Progress, *, new: bool) -> None:
         if new and not strangers and msg.kind in SINGLETONS:
             strangers.append(msg)
 
-    control.create_subscription(Progress, names.PROGRESS, take, qos.LATCHED)
+    control.create_subscription(Progress, names.PROGRESS, take, qos.CLAIMS)
     control.create_subscription(NodeStatus, names.STATUS, take_node, qos.STATUS)
     wait = control.options.discovery_wait
     waiter.until(lambda: bool(heard), wait)

@@ -28,6 +28,10 @@ EXPERIENCE_READER = _reliable(2000)
 LATCHED = _reliable(1, latched=True)
 """Newest state for subscribers that join late: critic snapshots, metrics, heatmap, progress."""
 
+CLAIMS = _reliable(100, latched=True)
+"""Subscriber to the progress of everybody, its own included: all share one reader's depth, and a busy process takes
+them late. With a depth of 1, its own claim to a name displaces an older one that came just before."""
+
 ELITES = _reliable(10)
 """One message per generation, and one per request to publish parents again; the subscriber may be making offspring."""
 
