@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 from rclpy.clock import Clock, ClockType
@@ -18,7 +18,7 @@ from pga_me_ros.errors import PgaError
 from pga_me_ros.orchestration.calls import StoppedError
 from pga_me_ros.orchestration.control import Control
 from pga_me_ros.orchestration.early_start import EarlyStart
-from pga_me_ros.orchestration.free_name import require_free_name
+from pga_me_ros.orchestration.free_name import name_on_this_machine, require_free_name
 from pga_me_ros.orchestration.progress import ProgressReporter
 from pga_me_ros.orchestration.run import Run
 from pga_me_ros.process.signals import SecondSignal, Signals, ignore_signals
@@ -44,11 +44,13 @@ def lead(control: Control, signals: Signals) -> int:
     if control.options.tensorboard:
         require_event_writer()
     randomization_option(settings.task, settings.randomization)  # refuses what makes no sense
-    progress = ProgressReporter(control)
-    progress.msg.task = settings.task
-    progress.publish()
     path = Path(options.run_dir) if options.run_dir else default_run_dir(settings)
-    with EarlyStart(control, path, spec) as early:
+    with ExitStack() as held:
+        held.enter_context(name_on_this_machine(control))
+        progress = ProgressReporter(control)
+        progress.msg.task = settings.task
+        progress.publish()
+        early = held.enter_context(EarlyStart(control, path, spec))
         if early.words:
             progress.say(early.words)
         require_free_name(control, progress.msg, new=not path.exists())

@@ -19,7 +19,7 @@ from rclpy.publisher import Publisher
 from pga_me_ros.errors import PgaError
 from pga_me_ros.orchestration.calls import Waiter
 from pga_me_ros.orchestration.control import Control
-from pga_me_ros.orchestration.free_name import require_free_name
+from pga_me_ros.orchestration.free_name import name_on_this_machine, require_free_name
 from pga_me_ros.orchestration.lead import spinning
 from pga_me_ros.ros import names, qos
 
@@ -76,3 +76,14 @@ def test_a_busy_orchestrator_hears_an_older_claim_although_its_own_comes_next(
             pytest.raises(PgaError, match=r"runs as /orchestrator \(process 1 on elsewhere, task"),
         ):
             listening.result()
+
+
+def test_the_name_on_this_machine_is_held_by_one_per_discovery_server(
+    control: Control, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    us = rf"Another orchestrator runs as /orchestrator \(process {os.getpid()} on"
+    with name_on_this_machine(control):
+        with pytest.raises(PgaError, match=us):
+            name_on_this_machine(control)
+        monkeypatch.setenv("ROS_DISCOVERY_SERVER", "192.0.2.1:11811")
+        name_on_this_machine(control).release()
