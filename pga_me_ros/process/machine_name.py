@@ -13,8 +13,8 @@ from types import TracebackType
 BACKLOG = 4096
 """Askers that wait in the kernel's queue until the holder ends; those beyond it are not told who the holder is."""
 
-SOON = 1.0
-"""Seconds within which a process that has bound a socket also listens on it."""
+SOON = 30.0
+"""Seconds within which a process that has bound a socket also listens on it, even if others come between."""
 
 POLL = 0.01
 """Seconds between two looks at a socket that nobody listens on yet."""
