@@ -20,7 +20,7 @@ from pga_me_ros.explorer.recorder import Recorder, all_motions, chosen_cells
 from pga_me_ros.explorer.source import Source, StoredSource
 from pga_me_ros.paths import user_path
 from pga_me_ros.process.program import run_program
-from pga_me_ros.tasks.registry import randomization_option
+from pga_me_ros.tasks.registry import damage_option, randomization_option
 
 MOTIONS = 64
 """Default number of gaits of a run whose motion is in the file."""
@@ -33,7 +33,7 @@ PORT = 8460
 
 ROS_ARGS = "--ros-args"
 
-OF_THE_FILE = ("motions", "seed", "randomization")
+OF_THE_FILE = ("motions", "seed", "randomization", "damage")
 OF_THE_PAGE = ("host", "port", "control", "token")
 """Options that only one of both has a use for."""
 
@@ -98,8 +98,13 @@ def _write(options: argparse.Namespace) -> None:
     motions = MOTIONS if options.motions is None else options.motions
     starts = [EpisodeStart(), EpisodeStart(seed)]
     if options.randomization:
-        randomization_option(runs[0].settings.task, options.randomization)
+        for run in runs:
+            randomization_option(run.settings.task, options.randomization)
         starts.append(EpisodeStart(seed, options.randomization))
+    if options.damage:
+        for run in runs:
+            damage_option(run.settings.task, options.damage)
+        starts.append(EpisodeStart(seed, damage=options.damage))
     shown = [
         _recorded(run, str(path), motions, tuple(starts))
         for run, path in zip(runs, options.runs, strict=True)
@@ -217,6 +222,11 @@ def _parser() -> argparse.ArgumentParser:
         "--randomization",
         metavar="TEXT",
         help="also play each gait in a randomized world, for example 'mass 0.8 1.2, friction 0.6 1.2'",
+    )
+    parser.add_argument(
+        "--damage",
+        metavar="TEXT",
+        help="also play each gait on a damaged robot, for example 'load 2'",
     )
     parser.add_argument(
         "--host", help=f"address to serve on ({HOST}, which only this machine reaches)"

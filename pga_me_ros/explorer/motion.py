@@ -37,13 +37,15 @@ class EpisodeStart:
     Attributes:
         seed: Seed of an initial pose that the run has not seen; None for the one of the gait's own evaluation.
         randomization: What of robot and world is another one, see `tasks.randomization`; empty for nothing.
+        damage: What is wrong with robot or world, see `tasks.damage`; empty for nothing.
 
     Raises:
-        RequestError: The seed is below 0, or another world is to begin as the evaluation.
+        RequestError: The seed is below 0, or another world or robot is to begin as the evaluation.
     """
 
     seed: int | None = None
     randomization: str = ""
+    damage: str = ""
 
     def __post_init__(self) -> None:
         """Check the seed."""
@@ -51,12 +53,16 @@ class EpisodeStart:
             raise RequestError(f"seed is {self.seed}; give a whole number from 0 on.")
         if self.randomization and self.seed is None:
             raise RequestError("A randomized episode needs a seed; give one from 0 on.")
+        if self.damage and self.seed is None:
+            raise RequestError("An episode of a damaged robot needs a seed; give one from 0 on.")
 
     @property
     def key(self) -> str:
         """Name of the start in the page."""
         if self.seed is None:
             return "evaluation"
+        if self.damage:
+            return f"damaged:{self.seed}:{self.randomization}:{self.damage}"
         if self.randomization:
             return f"randomized:{self.seed}:{self.randomization}"
         return f"unseen:{self.seed}"
@@ -68,14 +74,14 @@ class EpisodeStart:
         Raises:
             RequestError: It is none.
         """
-        kind, *words = key.split(":", 2)
+        kind, *words = key.split(":", 3 if key.startswith("damaged:") else 2)
         if kind == "evaluation" and not words:
             return cls()
-        expected = {"unseen": 1, "randomized": 2}.get(kind)
+        expected = {"unseen": 1, "randomized": 2, "damaged": 3}.get(kind)
         if expected == len(words) and words[0].isascii() and words[0].isdecimal():
             return cls(int(words[0]), *words[1:])
         raise RequestError(
-            f"start is '{key}'; give evaluation, unseen:SEED or randomized:SEED:RANGES."
+            f"start is '{key}'; give evaluation, unseen:SEED, randomized:SEED:RANGES or damaged:SEED:RANGES:DAMAGE."
         )
 
 
@@ -83,7 +89,7 @@ def recorded(task: Task, settings: Settings, gait: Gait, start: EpisodeStart) ->
     """Run one episode of a gait and keep the states of its robot.
 
     Args:
-        task: Task of the run, made with the start's randomization if it has one.
+        task: Task of the run, made with the start's randomization and damage.
         settings: Settings of the run.
         gait: The gait.
         start: Where the episode begins.
@@ -116,6 +122,7 @@ def describe_motion(
         "start": start.key,
         "seed": start.seed,
         "randomization": start.randomization,
+        "damage": start.damage,
         "fitness": episode.fitness,
         "descriptor": episode.descriptor.tolist(),
         "fell": episode.terminated,

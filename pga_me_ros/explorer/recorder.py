@@ -33,11 +33,11 @@ class Recorder:
     def __init__(self, settings: Settings, gait: Callable[[int], Gait]) -> None:
         self._settings = settings
         self._gait = gait
-        self._tasks: dict[str, Task] = {}
+        self._tasks: dict[tuple[str, str], Task] = {}
         self.missing = ""
         self.model: dict[str, Any] | None = None
         try:
-            self.model = describe_model(reader_of(self._task("")).model)
+            self.model = describe_model(reader_of(self._task()).model)
         except PgaError as error:
             self.missing = str(error)
         except ImportError as error:
@@ -47,11 +47,14 @@ class Recorder:
         """Return an episode of the gait of a cell, see `describe_motion`.
 
         Raises:
-            PgaError: There is no such gait, its robot cannot be shown, or the task cannot be randomized.
+            PgaError: There is no such gait, its robot cannot be shown, or the task cannot be randomized or damaged so.
         """
         gait = self._gait(cell)
-        task = self._task(start.randomization)
-        return describe_motion(recorded(task, self._settings, gait, start), task.spec, gait, start)
+        task = self._task(start.randomization, start.damage)
+        motion = describe_motion(
+            recorded(task, self._settings, gait, start), task.spec, gait, start
+        )
+        return motion | {"lost": self._lost(task) if start.damage else []}
 
     def close(self) -> None:
         """Stop the simulators."""
@@ -60,10 +63,18 @@ class Recorder:
                 task.close()
         self._tasks.clear()
 
-    def _task(self, randomization: str) -> Task:
-        wanted = randomization or self._settings.randomization
+    def _lost(self, damaged: Task) -> list[str]:
+        """Return the links that a damaged robot has lost: those that show nothing, unlike those of the sound one."""
+        sound, left = (
+            {link.name for link in reader_of(task).model.links if link.shapes}
+            for task in (self._task(), damaged)
+        )
+        return sorted(sound - left)
+
+    def _task(self, randomization: str = "", damage: str = "") -> Task:
+        wanted = randomization or self._settings.randomization, damage
         if wanted not in self._tasks:
-            self._tasks[wanted] = make_task(self._settings.task, wanted)
+            self._tasks[wanted] = make_task(self._settings.task, *wanted)
         return self._tasks[wanted]
 
 

@@ -14,6 +14,7 @@ from pga_me_ros.explorer.__main__ import main
 ZOO = "zoo/qd_hopper"
 UNSEEN_SEED = 3
 RANDOMIZATION = "mass 0.8 1.2, friction 0.6"
+DAMAGE = "gone foot_joint"
 
 
 @pytest.fixture(scope="session")
@@ -47,7 +48,8 @@ def longer_run(new_run: Callable[..., Path]) -> Path:
 def hopper_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a page in one file, with three gaits in motion."""
     out = tmp_path_factory.mktemp("page") / "hopper.html"
-    words = ["--motions", "3", "--seed", str(UNSEEN_SEED), "--randomization", RANDOMIZATION]
+    words = ["--motions", "3", "--seed", str(UNSEEN_SEED)]
+    words += ["--randomization", RANDOMIZATION, "--damage", DAMAGE]
     assert main([ZOO, "--html", str(out), *words]) == 0
     return out
 

@@ -26,6 +26,7 @@ from pga_me_ros.core.settings import Settings
 from pga_me_ros.core.storage.repertoire import Repertoire
 from pga_me_ros.core.storage.stored_run import StoredRun
 from pga_me_ros.dependencies import WEB
+from pga_me_ros.errors import RequestError
 from pga_me_ros.explorer import page
 from pga_me_ros.explorer.__main__ import MOTIONS, main
 from pga_me_ros.explorer.description import describe
@@ -37,6 +38,7 @@ from pga_me_ros.player.watched_rollout import record
 from pga_me_ros.ros.convert import behavior_to_msg
 from pga_me_ros.serving.generations import list_generations
 from pga_me_ros.tasks.registry import make_task, task_spec
+from pga_me_ros.tasks.rollout import rollout
 
 ZOO = Path("zoo/qd_hopper")
 
@@ -214,6 +216,54 @@ def test_a_motion_is_that_of_the_rollout(run: StoredRun, start: EpisodeStart) ->
     assert motion["kept"] is (True if start.seed is None else None)
 
 
+@pytest.mark.parametrize(
+    ("damage", "lost"),
+    [("gone foot_joint", ["foot"]), ("gone leg_joint", ["foot", "leg"]), ("load 2", [])],
+)
+def test_a_damaged_robot_is_that_of_the_task_without_what_it_has_lost(
+    run: StoredRun, damage: str, lost: list[str]
+) -> None:
+    recorder = Recorder(run.settings, run.behavior)
+    gait = run.choose(best=True)
+    motion = recorder.motion(gait.cell, EpisodeStart(4, damage=damage))
+    sound = recorder.motion(gait.cell, EpisodeStart(4))
+    recorder.close()
+    assert (motion["lost"], sound["lost"]) == (lost, [])
+    task = make_task(run.settings.task, damage=damage)
+    episode = rollout(task, gait.controller, np.random.default_rng(4))
+    task.close()
+    assert motion["fitness"] == episode.fitness
+    assert motion["fitness"] != sound["fitness"]
+
+
+@pytest.mark.parametrize(
+    "start",
+    [
+        EpisodeStart(),
+        EpisodeStart(3),
+        EpisodeStart(3, "mass 1 2, friction 0.5"),
+        EpisodeStart(3, damage="jam foot_joint -0.1"),
+        EpisodeStart(3, "mass 1 2", "load 2, ice"),
+    ],
+)
+def test_the_key_of_a_start_names_it(start: EpisodeStart) -> None:
+    assert EpisodeStart.of(start.key) == start
+
+
+@pytest.mark.parametrize(
+    "key", ["damaged:1:load 2", "damaged:x::load 2", "unseen:1:mass 2", "slow:1", "damaged:-1::ice"]
+)
+def test_a_key_that_names_no_start_is_refused(key: str) -> None:
+    with pytest.raises(RequestError, match="give evaluation, unseen:SEED"):
+        EpisodeStart.of(key)
+
+
+@pytest.mark.parametrize("where", [{"randomization": "mass 2"}, {"damage": "ice"}])
+def test_another_world_or_robot_needs_a_seed(where: dict[str, str]) -> None:
+    with pytest.raises(RequestError, match="needs a seed"):
+        EpisodeStart(**where)
+
+
 def test_the_strip_averages_to_the_descriptor(run: StoredRun) -> None:
     recorder = Recorder(run.settings, run.behavior)
     behavior = run.choose(best=True)
@@ -267,6 +317,7 @@ def test_scripts_are_short_enough_to_read() -> None:
         (["--html", "page.html", "--port", "0"], "--port has a meaning not with --html"),
         (["--html", "page.html", "--graph", "/"], "--html writes stored runs only"),
         (["--motions", "3"], "--motions has a meaning only with --html"),
+        (["--damage", "ice"], "--damage has a meaning only with --html"),
         (["--graph", "left"], "'left' does not begin with a slash; expected --graph /left"),
         (["--graph", "/a", "--graph", "/a"], "a namespace twice"),
         (["--ros-args", "-r", "__ns:=/left"], "only stored runs are named"),

@@ -96,16 +96,18 @@ def page(server: Server, pages: Callable[..., Any]) -> Any:
 
 
 @pytest.mark.parametrize(
-    ("start", "randomization"),
+    ("start", "randomization", "damage"),
     [
-        ("evaluation", ""),
-        ("unseen:7", ""),
-        ("randomized:7:mass 2.0, friction 0.5", "mass 2.0, friction 0.5"),
+        ("evaluation", "", ""),
+        ("unseen:7", "", ""),
+        ("randomized:7:mass 2.0, friction 0.5", "mass 2.0, friction 0.5", ""),
+        ("damaged:7::weak leg_joint 0.2", "", "weak leg_joint 0.2"),
+        ("damaged:7:mass 2.0:load 3, ice 0.5", "mass 2.0", "load 3, ice 0.5"),
     ],
-    ids=["evaluation", "unseen", "randomized"],
+    ids=["evaluation", "unseen", "randomized", "damaged", "damaged and randomized"],
 )
 def test_the_server_simulates_what_the_page_asks_for(
-    page: Any, folder: Path, start: str, randomization: str
+    page: Any, folder: Path, start: str, randomization: str, damage: str
 ) -> None:
     run = StoredRun.load(folder)
     gait = run.choose(best=True)
@@ -115,9 +117,10 @@ def test_the_server_simulates_what_the_page_asks_for(
     else:
         page.page.fill("#world-seed", "7")
         page.page.fill("#world-ranges", randomization)
+        page.page.fill("#world-damage", damage)
         page.page.click("#world-go")
     page.wait(f"Explorer.view().starts[0] === '{start}'")
-    task = make_task(run.settings.task, randomization)
+    task = make_task(run.settings.task, randomization, damage)
     if start == "evaluation":
         from pga_me_ros.core.evaluation import evaluation_rng
 
@@ -133,10 +136,18 @@ def test_the_server_simulates_what_the_page_asks_for(
     )
 
 
-def test_what_cannot_be_simulated_says_why(page: Any) -> None:
-    page.page.fill("#world-ranges", "wind 1 2")
+@pytest.mark.parametrize(
+    ("field", "text", "why"),
+    [
+        ("ranges", "wind 1 2", "KIND is one of"),
+        ("damage", "jam knee_joint", "its joints are thigh_joint, leg_joint, foot_joint"),
+    ],
+)
+def test_what_cannot_be_simulated_says_why(page: Any, field: str, text: str, why: str) -> None:
+    for name in ("ranges", "damage"):
+        page.page.fill(f"#world-{name}", text if name == field else "")
     page.page.click("#world-go")
-    page.wait("document.getElementById('no-stage').innerText.includes('KIND is one of')")
+    page.wait(f"document.getElementById('no-stage').innerText.includes('{why}')")
     page.problems.clear()  # the browser notes the status 400
     page.page.select_option("#start", "evaluation")
     page.wait("document.getElementById('no-stage').hidden")

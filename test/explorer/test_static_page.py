@@ -27,6 +27,7 @@ SEED = 3
 """Seed of the unseen start in `hopper_file`."""
 
 RANDOMIZATION = "mass 0.8 1.2, friction 0.6"
+DAMAGE = "gone foot_joint"
 """What is randomized in its third start."""
 
 
@@ -122,8 +123,13 @@ def test_a_click_shows_the_figures_of_that_cell_and_its_moving_robot(
 
 @pytest.mark.parametrize(
     "start",
-    ["evaluation", f"unseen:{SEED}", f"randomized:{SEED}:{RANDOMIZATION}"],
-    ids=["evaluation", "unseen", "randomized"],
+    [
+        "evaluation",
+        f"unseen:{SEED}",
+        f"randomized:{SEED}:{RANDOMIZATION}",
+        f"damaged:{SEED}::{DAMAGE}",
+    ],
+    ids=["evaluation", "unseen", "randomized", "damaged"],
 )
 def test_the_joints_are_those_of_the_rollout(page: Any, run: StoredRun, start: str) -> None:
     from pga_me_ros.core.evaluation import evaluation_rng
@@ -138,14 +144,36 @@ def test_the_joints_are_those_of_the_rollout(page: Any, run: StoredRun, start: s
         if start != "evaluation"
         else evaluation_rng(run.settings.seed, gait.evaluation)
     )
-    task = make_task(run.settings.task, RANDOMIZATION if start.startswith("randomized") else "")
+    task = make_task(
+        run.settings.task,
+        RANDOMIZATION if start.startswith("randomized") else "",
+        DAMAGE if start.startswith("damaged") else "",
+    )
     whole = record(task, gait.controller, rng)
     task.close()
-    for step in (0, 40, 100):
+    for step in (0, 10, 40, 100)[: 2 if whole.episode.terminated else 4]:
         page.eval(f"Explorer.seek({step * run.spec.control_period})")
         assert page.eval("Explorer.view().joints[0]") == pytest.approx(
             whole.states[step].positions, abs=2e-3
         )
+    page.page.select_option("#start", "evaluation")
+
+
+def test_what_a_robot_has_lost_is_not_drawn(page: Any, run: StoredRun) -> None:
+    choose(page, chosen_cells(run, 3)[0])
+    pictures = []
+    for start in (f"unseen:{SEED}", f"damaged:{SEED}::{DAMAGE}"):
+        page.page.select_option("#start", start)
+        page.wait(f"Explorer.view().starts[0] === '{start}'")
+        page.eval("(Explorer.play(false), Explorer.seek(0))")
+        assert page.picture() == page.picture()
+        pictures.append(page.picture())
+    joints = page.eval("Explorer.view().joints[0]")
+    page.page.select_option("#start", f"unseen:{SEED}")
+    page.wait(f"Explorer.view().starts[0] === 'unseen:{SEED}'")
+    page.eval("(Explorer.play(false), Explorer.seek(0))")
+    assert page.eval("Explorer.view().joints[0]")[:2] == pytest.approx(joints[:2], abs=1e-3)
+    assert pictures[0] != pictures[1]
     page.page.select_option("#start", "evaluation")
 
 

@@ -34,7 +34,7 @@ const Explorer = (() => {
     const elite = found ? runs[run].byCell.get(cell) : Store.best(runs[run]);
     const color = Colors.MEASURES[changes.color] ? changes.color : Store.state.color;
     const { starts, simulates } = runs[run];
-    if (simulates && /^(unseen:\d+|randomized:\d+:.+)$/.test(changes.start) && !starts.includes(changes.start)) starts.push(changes.start);
+    if (simulates && /^(unseen:\d+|randomized:\d+:.+|damaged:\d+:[^:]*:.+)$/.test(changes.start) && !starts.includes(changes.start)) starts.push(changes.start);
     const start = starts.includes(changes.start) ? changes.start : starts[0];
     const layout = Layouts.choices(runs[run]).some(([name]) => name === changes.layout) ? changes.layout : "cells";
     return { run, cell: elite ? elite.cell : null, color, start, layout };

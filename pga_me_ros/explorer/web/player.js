@@ -34,7 +34,7 @@ const Player = (() => {
       if (turn !== asked) return;
       lanes = wanted.map((lane, i) => ({ ...lane, motion: motions[i] }));
       const models = lanes.map((lane) => Store.state.runs[lane.run].model);
-      Stage.show(models);
+      Stage.show(lanes.map(({ motion }, i) => ({ model: models[i], lost: motion.lost })));
       say([...new Set(models.map((model) => model.note))].join(" ").trim());
     } catch (error) {
       if (turn !== asked) return;
@@ -130,7 +130,11 @@ const Player = (() => {
   function startTitle(key) {
     const [kind, seed] = key.split(":");
     if (kind === "evaluation") return "start of its evaluation";
-    return kind === "unseen" ? `unseen start, seed ${seed}` : `randomized, seed ${seed}: ${key.split(":").slice(2).join(":")}`;
+    if (kind === "unseen") return `unseen start, seed ${seed}`;
+    const rest = key.slice(`${kind}:${seed}:`.length);
+    if (kind === "randomized") return `randomized, seed ${seed}: ${rest}`;
+    const [, ranges, damage] = /^([^:]*):(.+)$/.exec(rest);
+    return `damaged, seed ${seed}: ${damage}${ranges ? `; ${ranges}` : ""}`;
   }
 
   // Where the server simulates, any start may be asked for.
@@ -142,14 +146,15 @@ const Player = (() => {
     form.append(
       field("seed", "Seed of another start", { value: "2", inputmode: "numeric", pattern: "[0-9]+", required: true }),
       field("ranges", "Randomization (optional)", { class: "wide", placeholder: "mass 0.8 1.2, friction 0.6 1.2" }),
+      field("damage", "Damage (optional)", { class: "wide", placeholder: "load 2, ice 0.25" }),
       Page.make("button", { type: "submit", id: "world-go" }, "Simulate"),
     );
     form.addEventListener("submit", (event) => {
       event.preventDefault();
       const seed = Number(form.elements.seed.value);
-      const ranges = form.elements.ranges.value.trim();
+      const [ranges, damage] = [form.elements.ranges.value.trim(), form.elements.damage.value.trim()];
       form.elements.seed.value = seed + 1;
-      setStart(ranges ? `randomized:${seed}:${ranges}` : `unseen:${seed}`);
+      setStart(damage ? `damaged:${seed}:${ranges}:${damage}` : ranges ? `randomized:${seed}:${ranges}` : `unseen:${seed}`);
     });
   }
 

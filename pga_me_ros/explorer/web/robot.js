@@ -44,11 +44,12 @@ const Robot = (() => {
     }
   }
 
-  function build(model) {
+  // Builds a robot; `lost` names the links that damage has taken.
+  function build(model, lost) {
     const links = new Map();
     for (const link of model.links) {
       const group = new THREE.Group();
-      for (const shape of link.shapes) addShape(group, shape);
+      for (const shape of lost.includes(link.name) ? [] : link.shapes) addShape(group, shape);
       links.set(link.name, group);
     }
     const movable = [];

@@ -118,21 +118,21 @@ const Stage = (() => {
     return sprite;
   }
 
-  // Shows one robot per model; several have numbers.
-  function show(models) {
+  // Shows robots, each with its model and the links that it has lost; several have numbers.
+  function show(robots) {
     for (const lane of lanes) {
       scene.remove(lane.outer);
       lane.robot.drop();
       if (lane.number) lane.number.material.map.dispose();
     }
-    if (models.length && models.length !== seen) lookAt(models.length);
-    seen = models.length || seen;
-    lanes = models.map((model, i) => {
-      const robot = Robot.build(model);
+    if (robots.length && robots.length !== seen) lookAt(robots.length);
+    seen = robots.length || seen;
+    lanes = robots.map(({ model, lost }, i) => {
+      const robot = Robot.build(model, lost);
       const outer = new THREE.Group();
       outer.position.y = LANE * i;
       outer.add(robot.group);
-      const number = models.length > 1 ? badge(i + 1) : null;
+      const number = robots.length > 1 ? badge(i + 1) : null;
       if (number) outer.add(number);
       scene.add(outer);
       return { robot, outer, number };
