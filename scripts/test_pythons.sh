@@ -1,9 +1,12 @@
 #!/bin/bash
 # Runs the tests on every supported Python that is found, on PATH or under pyenv: scripts/test_pythons.sh [pytest options].
-# Each has its own checkout of the last commit and its own environment in build/pythons, which later calls update. Run it in a
-# shell in which no environment is sourced, as `make test-pythons` does: what one sets would be found by the others.
+# Each has its own checkout of the last commit and its own environment in build/pythons, which later calls update.
 set -u
 cd "$(dirname "$0")/.."
+if [ -n "${VIRTUAL_ENV-}" ]; then
+    echo "error: $VIRTUAL_ENV is sourced in this shell, and the tests would find its package; start this in a new shell." >&2
+    exit 2
+fi
 
 find_python() {
     local found

@@ -47,6 +47,9 @@ FIT = 0.25
 SELDOM = 0.05
 """Share of falls up to which a behavior counts as one that keeps its promise."""
 
+PATIENCE = 60.0
+"""Seconds in which a repertoire that is started beside a run must answer, on a slow machine, too."""
+
 
 def show(behavior: Behavior, info: RepertoireInfo, task: Task) -> bool:
     """Run a behavior and print what it achieved next to what was promised.
@@ -180,7 +183,7 @@ def show_a_steady_one(
     name = f"{ZOO}/{info.task}"
     if info.task not in shipped():
         return "", ()
-    ready = RepertoireClient(node, repertoire=name)
+    ready = RepertoireClient(node, repertoire=name, timeout=PATIENCE)
     try:
         steady, ready_info = _steady(ready), ready.get_info()
         if steady:

@@ -163,7 +163,7 @@ def test_the_page_draws_meshes_where_the_simulator_has_them(
     assert corners(shapes[0]).shape == (2, 3, 3)
     low, high = hopper_page.eval(
         """(model) => {
-            const robot = Robot.build(model);
+            const robot = Robot.build(model, []);
             robot.group.updateMatrixWorld(true);
             const box = new THREE.Box3().setFromObject(robot.group);
             return [box.min.toArray(), box.max.toArray()];

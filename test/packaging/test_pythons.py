@@ -105,10 +105,11 @@ def on_all(checkout: Path, **environment: str) -> subprocess.CompletedProcess[st
         "PATH": f"{checkout.parent / 'bin'}:{os.environ['PATH']}",
         "PYENV_ROOT": str(checkout),
     }
+    inherited = {name: value for name, value in os.environ.items() if name != "VIRTUAL_ENV"}
     return subprocess.run(
         ["scripts/test_pythons.sh", "-m", "not slow"],
         cwd=checkout,
-        env={**os.environ, **places, "WORKERS": "3", **environment},
+        env={**inherited, **places, "WORKERS": "3", **environment},
         capture_output=True,
         text=True,
         timeout=60,
@@ -125,6 +126,12 @@ def test_each_python_that_is_found_gets_the_options_as_given(checkout: Path) -> 
             assert f"with {bin_folder}/python{version}, 3 workers\n<-m><not slow>" in done.stdout
         assert "== Python 3.13: not found" in done.stdout
         assert done.stdout.endswith("compared\n")
+
+
+def test_in_a_shell_with_a_sourced_environment_nothing_is_tested(checkout: Path) -> None:
+    done = on_all(checkout, VIRTUAL_ENV="/somewhere/.venv")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert "error: /somewhere/.venv is sourced in this shell" in done.stderr
 
 
 def test_a_failure_on_one_python_fails_the_whole(checkout: Path) -> None:

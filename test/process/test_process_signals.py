@@ -7,11 +7,12 @@ import subprocess
 import sys
 
 PROGRAM = """
+import os
 import time
 
 from pga_me_ros.process.signals import SecondSignal, Signals, insist
-def tell(what):
-    print(what, flush=True)
+def tell(what):  # print must not be called by a signal that interrupts it
+    os.write(1, f"{what}\\n".encode())
 """
 
 
