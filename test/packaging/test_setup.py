@@ -159,7 +159,7 @@ def test_a_kept_wheel_of_pybullet_is_taken(tmp_path: Path, monkeypatch: pytest.M
 def test_failing_step_shows_the_error_and_the_log(with_venv: Path, machine: Path) -> None:
     requirements = with_venv / "requirements" / "run.txt"
     before = requirements.read_text()
-    requirements.write_text("./no-such-package\n")
+    requirements.write_text(f"./no-such-package\n{before}")
     status, lines = set_up(with_venv, machine)
     requirements.write_text(before)
     assert status == 1
