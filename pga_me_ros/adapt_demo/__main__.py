@@ -86,9 +86,9 @@ def before_and_after(plan: Plan) -> tuple[Achieved, Achieved]:
     _say(
         f"{plan.name}: {len(run.archive)} gaits of {run.spec.name}; the best one promises {gait.promised_fitness:.0f}"
     )
-    if plan.worlds and run.worlds:
+    if plan.worlds:
         _say(
-            f"evaluated in {len(run.worlds.fitness)} other worlds, any of which the robot may be in"
+            f"evaluated in {len(plan.worlds.fitness)} other worlds, any of which the robot may be in"
         )
     averages = []
     for name, damage in (("sound", ""), (f"damaged: {plan.damage}", plan.damage)):

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from pga_me_ros.core.adaptation.adaptation_settings import AdaptationSettings
+from pga_me_ros.core.archive.worlds import Worlds
 from pga_me_ros.core.settings.field import checked_value
 from pga_me_ros.core.storage.stored_run import StoredRun
 from pga_me_ros.errors import RequestError, StorageError
@@ -33,7 +34,7 @@ class Plan:
         run: The repertoire.
         damage: What becomes wrong with its robot.
         settings: How behaviors are chosen.
-        worlds: Whether the robot may be in other worlds, by the repertoire's re-evaluations there.
+        worlds: Other worlds that the robot may be in, None for none.
         repeat: Which initial poses and draws it is shown with.
         out: File of the picture.
     """
@@ -42,7 +43,7 @@ class Plan:
     run: StoredRun
     damage: str
     settings: AdaptationSettings
-    worlds: bool
+    worlds: Worlds | None
     repeat: int
     out: Path
 
@@ -73,18 +74,12 @@ class Plan:
                 f"--damage is empty; say what is wrong with the robot, such as '{DAMAGE}'."
             )
         damage_option(run.settings.task, damage)
-        worlds = run.worlds is not None if options.worlds is None else options.worlds
-        if worlds and run.worlds is None:
-            raise RequestError(
-                f"--worlds: the gaits of '{options.repertoire}' were not evaluated in another world; do so first "
-                f"(reevaluate {options.repertoire} --randomization TEXT), or leave it out."
-            )
         return cls(
             str(options.repertoire),
             run,
             damage,
             AdaptationSettings(**settings),
-            worlds,
+            _worlds(run, options.worlds),
             options.repeat,
             options.out,
         )
@@ -98,6 +93,17 @@ class Plan:
         """Return the command that draws what a gait does on the damaged robot."""
         words = [self.name, "--cell", str(cell), "--damage", self.damage, "--seed", "1"]
         return f"ros2 run pga_me_ros render {shlex.join(words)} --out gait.gif"
+
+
+def _worlds(run: StoredRun, wanted: bool | None) -> Worlds | None:
+    """Return the worlds that a robot may be in: those of its repertoire, None if they are not wanted.
+
+    Raises:
+        RequestError: They are wanted, but there are none.
+    """
+    if wanted:
+        return run.require_worlds("--worlds")
+    return run.worlds if wanted is None else None
 
 
 def _require_writable(out: Path) -> None:

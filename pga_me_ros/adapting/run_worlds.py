@@ -7,7 +7,7 @@ from typing import Self
 
 from pga_me_ros.core.archive.worlds import Worlds
 from pga_me_ros.core.storage.stored_run import StoredRun
-from pga_me_ros.errors import RequestError, SettingsError
+from pga_me_ros.errors import RequestError
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,15 +33,10 @@ class RunWorlds:
 
         Raises:
             StorageError: There is no run.
-            SettingsError: Its elites were not evaluated in another world.
+            RequestError: Its elites were not evaluated in another world.
         """
         run = StoredRun.load(path, elites=False)
-        if run.worlds is None:
-            raise SettingsError(
-                f"worlds is '{path}', but its behaviors were not evaluated in another world; do so first (reevaluate "
-                f"{path} --randomization TEXT), or leave worlds out."
-            )
-        return cls(path, run.info.run_id, run.worlds)
+        return cls(path, run.info.run_id, run.require_worlds(f"worlds is '{path}'"))
 
     def of(self, run_id: str) -> Worlds:
         """Return the worlds of the run that is served.

@@ -65,10 +65,9 @@ class Recorder:
 
     def _lost(self, damaged: Task) -> list[str]:
         """Return the links that a damaged robot has lost: those that show nothing, unlike those of the sound one."""
-        sound, left = (
-            {link.name for link in reader_of(task).model.links if link.shapes}
-            for task in (self._task(), damaged)
-        )
+        assert self.model is not None, "it was just recorded"
+        left = {link.name for link in reader_of(damaged).model.links if link.shapes}
+        sound = {link["name"] for link in self.model["links"] if link["shapes"]}
         return sorted(sound - left)
 
     def _task(self, randomization: str = "", damage: str = "") -> Task:

@@ -125,15 +125,21 @@ def _measures(
     whole = measured[0]
     yield f"| corrected coverage, corrected QD-score | {whole.coverage:,}, {whole.qd_score:,.0f} | |"
     yield ""
+    for where, m in _elsewhere(run, kept):
+        yield (
+            f"Where {where or 'nothing'} is randomized (at least {m.repeats} re-evaluations each): mean fitness "
+            f"{m.mean_fitness:,.1f}, {m.fall_share:.1%} falls, descriptor {m.descriptor_error:.3f} from the one found "
+            "with."
+        )
+        yield ""
+
+
+def _elsewhere(run: StoredRun, kept: Archive) -> Iterator[tuple[str | None, CorrectedMetrics]]:
+    """Yield what was randomized in the other worlds in which all that is kept was evaluated, and the measures there."""
     for rows in run.elsewhere:
         m = corrected_metrics(kept, rows.statistics(kept))
         if m and m.elites == len(kept):
-            yield (
-                f"Where {rows.elsewhere or 'nothing'} is randomized (at least {m.repeats} re-evaluations each): mean "
-                f"fitness {m.mean_fitness:,.1f}, {m.fall_share:.1%} falls, descriptor {m.descriptor_error:.3f} from "
-                "the one found with."
-            )
-            yield ""
+            yield rows.elsewhere, m
 
 
 def _good_for(
@@ -172,7 +178,7 @@ def _not_for(run: StoredRun, kept: Archive, known: Statistics) -> Iterator[str]:
         )
     unlike = (
         "floors, masses and motors unlike those named above, a real robot."
-        if run.elsewhere
+        if any(_elsewhere(run, kept))
         else "other floors, masses, motors, a real robot. They were "
         f"evaluated in {run.settings.task} and nowhere else."
     )

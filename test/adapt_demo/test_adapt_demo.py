@@ -80,7 +80,7 @@ def test_a_robot_may_be_in_the_worlds_that_its_repertoire_knows(
     words: list[str], worlds: bool, tmp_path: Path
 ) -> None:
     plan = Plan.read(["zoo/qd_hopper", "--out", str(tmp_path / "a.png"), *words])
-    assert plan.worlds == worlds
+    assert (plan.worlds is not None) == worlds
 
 
 def test_what_a_controller_achieves_is_the_mean_from_all_poses(robot: Robot) -> None:

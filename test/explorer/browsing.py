@@ -18,6 +18,15 @@ FLAGS = (
     *("--disable-component-update", "--disable-sync"),
 )
 
+UNSEEN_SEED = 3
+"""Seed of the unseen start in `hopper_file`."""
+
+RANDOMIZATION = "mass 0.8 1.2, friction 0.6"
+"""What is randomized in its third start."""
+
+DAMAGE = "gone foot_joint"
+"""What is wrong with the robot in its fourth start."""
+
 NAMES = ("chromium", "chromium-browser", "google-chrome")
 
 

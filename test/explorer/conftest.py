@@ -7,14 +7,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from browsing import Page
+from browsing import DAMAGE, RANDOMIZATION, UNSEEN_SEED, Page
 
 from pga_me_ros.explorer.__main__ import main
 
 ZOO = "zoo/qd_hopper"
-UNSEEN_SEED = 3
-RANDOMIZATION = "mass 0.8 1.2, friction 0.6"
-DAMAGE = "gone foot_joint"
 
 
 @pytest.fixture(scope="session")

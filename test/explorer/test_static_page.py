@@ -11,7 +11,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from browsing import Page, launched
+from browsing import DAMAGE, RANDOMIZATION, Page, launched
+from browsing import UNSEEN_SEED as SEED
 
 from pga_me_ros.core.archive.color_range import color_range
 from pga_me_ros.core.operators import OPERATORS, Operator
@@ -23,12 +24,6 @@ from pga_me_ros.reevaluate.__main__ import main as reevaluate
 from pga_me_ros.tasks.registry import make_task
 
 ZOO = "zoo/qd_hopper"
-SEED = 3
-"""Seed of the unseen start in `hopper_file`."""
-
-RANDOMIZATION = "mass 0.8 1.2, friction 0.6"
-DAMAGE = "gone foot_joint"
-"""What is randomized in its third start."""
 
 
 @pytest.fixture(scope="module")

@@ -126,6 +126,22 @@ class StoredRun:
         """What elites achieve in other worlds, by their re-evaluations there; None without any."""
         return worlds_of(self.elsewhere)
 
+    def require_worlds(self, asked: str) -> Worlds:
+        """Return `worlds`.
+
+        Args:
+            asked: What asks for them, for the message.
+
+        Raises:
+            RequestError: There are none.
+        """
+        if self.worlds is None:
+            raise RequestError(
+                f"{asked}: the behaviors of '{self.name}' were not evaluated in another world; do so first (reevaluate "
+                f"{self.file.parent} --randomization TEXT), or leave it out."
+            )
+        return self.worlds
+
     @cached_property
     def statistics(self) -> Statistics:
         """Mean and spread of the re-evaluations of each cell's elite."""
