@@ -18,6 +18,9 @@ FLAGS = (
     *("--disable-component-update", "--disable-sync"),
 )
 
+ZOO = "zoo/qd_hopper"
+"""The repertoire of `hopper_page`."""
+
 UNSEEN_SEED = 3
 """Seed of the unseen start in `hopper_file`."""
 
@@ -95,6 +98,10 @@ class Page:
         while not self.page.evaluate(condition):
             assert time.monotonic() < end, f"{condition} has not come true; {self.problems}"
             self.page.wait_for_timeout(20)
+
+    def choose(self, cell: int) -> None:
+        """Click at a cell of the map."""
+        self.page.locator(f'#maps path[data-cell="{cell}"]').click(force=True)
 
     def plays(self, cell: int) -> None:
         """Wait until the gait of a cell is on the stage."""

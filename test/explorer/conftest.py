@@ -7,11 +7,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from browsing import DAMAGE, RANDOMIZATION, UNSEEN_SEED, Page
+from browsing import DAMAGE, RANDOMIZATION, UNSEEN_SEED, ZOO, Page
 
+from pga_me_ros.core.storage.stored_run import StoredRun
 from pga_me_ros.explorer.__main__ import main
-
-ZOO = "zoo/qd_hopper"
 
 
 @pytest.fixture(scope="session")
@@ -56,3 +55,18 @@ def hopper_page(hopper_file: Path, pages: Any) -> Page:
     """Return this file, open without a network."""
     shown: Page = pages(hopper_file, offline=True)
     return shown
+
+
+@pytest.fixture
+def page(hopper_page: Page) -> Iterator[Any]:
+    """Return this page; fails a test in which it complained, or asked for anything but its file."""
+    yield hopper_page
+    assert hopper_page.problems == []
+    own = ("file:", "data:", "blob:")
+    assert [url for url in hopper_page.requests if not url.startswith(own)] == []
+
+
+@pytest.fixture(scope="session")
+def run() -> StoredRun:
+    """Return the repertoire that this page shows."""
+    return StoredRun.load(ZOO)

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from browsing import ZOO
 from pga_me_msgs.srv import GetInfo, ListGenerations
 
 from pga_me_ros import dependencies
@@ -39,13 +40,6 @@ from pga_me_ros.ros.convert import behavior_to_msg
 from pga_me_ros.serving.generations import list_generations
 from pga_me_ros.tasks.registry import make_task, task_spec
 from pga_me_ros.tasks.rollout import rollout
-
-ZOO = Path("zoo/qd_hopper")
-
-
-@pytest.fixture(scope="module")
-def run() -> StoredRun:
-    return StoredRun.load(ZOO)
 
 
 def unpacked(packed: dict) -> np.ndarray:
@@ -331,7 +325,7 @@ def test_bad_arguments_are_told_in_one_line(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert main([str(ZOO), *args]) == 2
+    assert main([ZOO, *args]) == 2
     error = capsys.readouterr().err
     assert message in error
     assert error.count("\n") == 1
@@ -342,5 +336,5 @@ def test_a_missing_package_is_told_with_the_command_that_installs_it(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(dependencies, "find_spec", lambda name: None)
-    assert main([str(ZOO), "--html", str(tmp_path / "page.html")]) == 2
+    assert main([ZOO, "--html", str(tmp_path / "page.html")]) == 2
     assert f"pip install {WEB}" in capsys.readouterr().err
