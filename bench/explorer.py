@@ -1,18 +1,20 @@
-"""What an open page of the explorer costs a run: the same generations without one, with one, and with a slow client.
+"""What an open page of the explorer costs a run: its generations without one, with one, and with a slow client.
 
-Run: `.venv/bin/python bench/explorer.py [--rounds 3] [--play]`; the last line is JSON. Each round does the same
-generations of QDWalker three times, with two evaluators: without an explorer (A), with a page open in a headless
-Chromium (B), and with a client that asks for news and reads nothing (C), in the order A B C A B C ... The figures are
-the times of B and C relative to A, each as the ratio of the medians over all generations of all rounds. The repertoires
-must be equal, bit for bit.
+Run: `.venv/bin/python bench/explorer.py [--rounds 1] [--play]`; the last line is JSON. A run of QDWalker with two
+evaluators is watched in turns while it goes on: for some generations by nobody (A), for others by a page that is open
+in a headless Chromium (B), or by a client that asks for news and reads nothing (C). A round is three runs, so that each
+turn is watched in each of these ways once: in the order A B C, B C A, C A B. Every run has the same generations, and
+all must end with the same repertoire, bit for bit; what differs is who watched when. The figures compare the three
+runs turn by turn, as generations differ more than a page costs, and give the median over the turns:
 
-Times of single runs differ by more than a page costs, so the core time of the explorer and the browser is counted, too,
-as a share of what this machine's cores have to give while the generations go on. Loading the page is part of it if it
-goes on after the first of these generations, so give some hundred --generations to see what an open page takes.
+- `time`: the time of B and C relative to A (medians of the turn's generations), as far as this machine is quiet.
+- `core time`: the core time of the run and of those who watch, relative to the run's in A. It tells what the run pays
+  for answers, too, and what other work of the machine cannot change.
+- `share`: the core time of the explorer and the browser as a share of what this machine's cores have to give.
 
-Chromium takes part in the time of this machine's cores: it draws the map again whenever generations have come in.
-Without a graphics card, robots in motion would be drawn by the processor, too; so they stand still, unless `--play` is
-given.
+Opening the page is not part of them. Chromium takes part in the time of this machine's cores: it draws the map again
+whenever generations have come in. Without a graphics card, robots in motion would be drawn by the processor, too; so
+they stand still, unless `--play` is given.
 """
 
 from __future__ import annotations
@@ -28,14 +30,14 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from _measure import spread
-from _processes import core_seconds_beside, running, wait_for_generation
+from _processes import core_seconds, core_seconds_beside, running, wait_for_generation
 from _run_times import committed
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "test/explorer"))
@@ -45,7 +47,10 @@ from browsing import Page, running_browser
 from pga_me_ros.core.storage.repertoire import Repertoire
 
 SKIPPED = 6
-"""Generations before those that are compared: random controllers, and the start of the processes."""
+"""Generations before the first turn: random controllers, and the start of the processes."""
+
+OPENING = 6
+"""Generations of each turn that are not compared: the explorer starts, and the browser loads the page."""
 
 WAYS = ("none", "page", "slow")
 
@@ -87,100 +92,116 @@ def slow_client() -> Iterator[None]:
             yield
 
 
-def run(way: str, generations: int, browser: Any, play: bool) -> tuple[list[float], str, float]:
+class Turn(NamedTuple):
+    """What some generations took: the median of their seconds, and core seconds of the run and of who watched."""
+
+    way: str
+    seconds: float
+    cores: float
+    watching: float
+    share: float
+
+
+def run(order: Sequence[str], generations: int, browser: Any, play: bool) -> tuple[list[Turn], str]:
     """Carry out a run.
 
+    Args:
+        order: Who watches, one after the other.
+        generations: Generations of each turn that are compared.
+        browser: The browser.
+        play: Whether the robot moves on the page.
+
     Returns:
-        The seconds of each compared generation, the repertoire's digest, and the core time of who watched, as a share
-        of that of the machine.
+        The turns, and the repertoire's digest.
     """
+    length = OPENING + generations
     values = {
         "task": "qd_walker",
         "seed": 1,
         "random_init": 500,
-        "evaluations": 100 * (SKIPPED + generations),
+        "evaluations": 100 * (SKIPPED + len(order) * length),
         "evaluators": 2,
         "serve": "false",
         "reevaluations": 0,
     }
-    watching = {
+    watching: dict[str, Callable[[], AbstractContextManager[None]]] = {
         "none": nullcontext,
         "page": lambda: open_page(browser, play),
         "slow": slow_client,
     }
+    turns: list[Turn] = []
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "repertoire.db"
         with running(folder, values) as process:
-            wait_for_generation(process, file, 0)
-            with watching[way]():
-                first = max(SKIPPED, len(committed(file)) + 1)  # the page may have opened late
-                wait_for_generation(process, file, first)
-                began, used = time.perf_counter(), core_seconds_beside(process.pid)
-                wait_for_generation(process, file, SKIPPED + generations - 1)
-                used = core_seconds_beside(process.pid) - used
-                share = used / (time.perf_counter() - began) / (os.cpu_count() or 1)
+            for number, way in enumerate(order):
+                start = SKIPPED + number * length
+                wait_for_generation(process, file, start - 1)
+                with watching[way]():
+                    if len(committed(file)) > start + OPENING:
+                        raise SystemExit("Opening the page took too long; is this machine busy?")
+                    wait_for_generation(process, file, start + OPENING - 1)
+                    before = _core_times(process.pid)
+                    wait_for_generation(process, file, start + length - 1)
+                    after = _core_times(process.pid)
+                elapsed, cores, watched = (b - a for a, b in zip(before, after, strict=True))
+                times = committed(file)[start + OPENING - 1 : start + length]
+                seconds = statistics.median(b - a for a, b in pairwise(times))
+                share = watched / elapsed / (os.cpu_count() or 1)
+                turns.append(Turn(way, seconds, cores, watched, share))
+                print(
+                    f"generation {start + OPENING}, {way}: median {seconds:.3f} s of {generations}, "
+                    f"core time {cores:.1f} s, and {watched:.1f} s ({share:.1%}) for who watches",
+                    flush=True,
+                )
             process.wait()
         with Repertoire.open(file, read_only=True) as repertoire:
-            digest = repertoire.result_digest()
-        seconds = [b - a for a, b in pairwise(committed(file))]
-    if first > len(seconds):
-        raise SystemExit(
-            f"The run ended before the page was open; give more --generations than {generations}."
-        )
-    return seconds[first - 1 :], digest, share
+            return turns, repertoire.result_digest()
 
 
-def measure(rounds: int, generations: int, browser: Any, play: bool) -> dict[str, Any]:
-    """Take turns, and return the figures."""
-    seconds: dict[str, list[list[float]]] = {way: [] for way in WAYS}
-    shares: dict[str, list[float]] = {way: [] for way in WAYS}
+def _core_times(orchestrator: int) -> tuple[float, float, float]:
+    """Return the time, and the core seconds so far of the run and of those who watch."""
+    run_only = sum(core_seconds(orchestrator).values())
+    return time.perf_counter(), run_only, core_seconds_beside(orchestrator)
+
+
+def measure(rounds: int, turns: int, generations: int, browser: Any, play: bool) -> dict[str, Any]:
+    """Carry out the runs, and return the figures."""
+    figures: dict[str, dict[str, list[float]]] = {
+        way: {"time": [], "core time": [], "share": []} for way in WAYS[1:]
+    }
     digests = set()
-    for number in range(rounds):
-        for way in WAYS:
-            began = time.perf_counter()
-            found, digest, share = run(way, generations, browser, play)
-            seconds[way].append(found)
-            shares[way].append(share)
+    for _ in range(rounds):
+        found = []
+        for shift in range(len(WAYS)):
+            order = [WAYS[(turn + shift) % len(WAYS)] for turn in range(turns)]
+            run_turns, digest = run(order, generations, browser, play)
+            found.append(run_turns)
             digests.add(digest)
-            print(
-                f"round {number + 1}, {way}: median {statistics.median(found):.3f} s of {len(found)} generations, "
-                f"{time.perf_counter() - began:.0f} s in all, "
-                f"{100 * share:.1f} % of the cores' time for who watches",
-                flush=True,
-            )
+        for same in zip(*found, strict=True):
+            by_way = {turn.way: turn for turn in same}
+            without = by_way.pop("none")
+            for way, turn in by_way.items():
+                figures[way]["time"].append(turn.seconds / without.seconds)
+                figures[way]["core time"].append((turn.cores + turn.watching) / without.cores)
+                figures[way]["share"].append(turn.share)
     if len(digests) > 1:
         raise SystemExit(f"the repertoires differ: {digests}")
-    return {
-        way: {
-            "all": round(_median(seconds[way]) / _median(seconds["none"]), 3),
-            "rounds": spread(
-                [
-                    _median([b]) / _median([a])
-                    for a, b in zip(seconds["none"], seconds[way], strict=True)
-                ]
-            ),
-            "share of core time": spread(shares[way]),
-        }
-        for way in WAYS[1:]
-    }
-
-
-def _median(rows: list[list[float]]) -> float:
-    """Return the median over the generations that all rows have, counted from the last one."""
-    least = min(len(row) for row in rows)
-    return statistics.median(value for row in rows for value in row[-least:])
+    return {way: {name: spread(v) for name, v in rows.items()} for way, rows in figures.items()}
 
 
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--rounds", type=int, default=3)
-    parser.add_argument("--generations", type=int, default=20, help="generations to compare")
+    parser.add_argument("--rounds", type=int, default=1, help="rounds of three runs")
+    parser.add_argument("--turns", type=int, default=6, help="turns in each run")
+    parser.add_argument("--generations", type=int, default=25, help="generations of each turn")
     parser.add_argument("--play", action="store_true", help="let the robot move on the page")
     arguments = parser.parse_args()
     with running_browser() as browser:
-        figures = measure(arguments.rounds, arguments.generations, browser, arguments.play)
-    print(json.dumps({"bench": "explorer", "time_without": figures}))
+        figures = measure(
+            arguments.rounds, arguments.turns, arguments.generations, browser, arguments.play
+        )
+    print(json.dumps({"bench": "explorer", "relative_to_none": figures}))
 
 
 if __name__ == "__main__":
