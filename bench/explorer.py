@@ -92,6 +92,10 @@ def slow_client() -> Iterator[None]:
             yield
 
 
+AFTER = 3
+"""Generations after the last turn, so that the processes are still there to tell their core time."""
+
+
 class Turn(NamedTuple):
     """What some generations took: the median of their seconds, and core seconds of the run and of who watched."""
 
@@ -119,7 +123,7 @@ def run(order: Sequence[str], generations: int, browser: Any, play: bool) -> tup
         "task": "qd_walker",
         "seed": 1,
         "random_init": 500,
-        "evaluations": 100 * (SKIPPED + len(order) * length),
+        "evaluations": 100 * (SKIPPED + len(order) * length + AFTER),
         "evaluators": 2,
         "serve": "false",
         "reevaluations": 0,

@@ -32,8 +32,15 @@ from pga_me_ros.explorer.page import build_page
 from pga_me_ros.explorer.recorder import Recorder
 from pga_me_ros.explorer.source import FORMATS, Source
 
-LOOK_EVERY = 1.0
-"""Seconds between two looks at the sources, while a page is open."""
+LOOK_EVERY = 2.0
+"""Seconds between two looks at the sources while a page is open, and between two of its news: a browser on a machine
+without a graphics card spends more time on drawing them than all else here takes."""
+
+HEED_EVERY = 0.25
+"""Seconds after which whoever waits notices that the server is being stopped."""
+
+SILENCE = 20.0
+"""Seconds without news after which a page gets a sign of life, which also shows whether it is still there."""
 
 PATIENCE = 30.0
 """Seconds after which a page that takes no news, as on a computer that sleeps, no longer counts as open."""
@@ -200,7 +207,7 @@ class Server:
         while not work_done.done():
             if self._is_ending():
                 raise RequestError("The explorer is being stopped.")
-            await asyncio.wait([work_done], timeout=LOOK_EVERY / 4)
+            await asyncio.wait([work_done], timeout=HEED_EVERY)
         return work_done.result()
 
     async def _download(self, request: Request) -> Response:
@@ -240,23 +247,26 @@ class Server:
     async def _news(self) -> AsyncIterator[str]:
         """Yield the newest state whenever it has changed; a slow browser gets fewer of them, never a queue."""
         self.watched += 1
-        told, quiet = "", 0
+        loop = asyncio.get_running_loop()
+        told, told_at, due = "", 0.0, 0.0
         try:
             while not self._is_ending():
-                self._last_taken = asyncio.get_running_loop().time()
-                news = json.dumps(
-                    [
-                        {"version": s.version, "problem": s.problem, "state": s.state()}
-                        for s in self._sources
-                    ]
-                )
-                quiet += 1
-                if news != told:
-                    told, quiet = news, 0
-                    yield f"data: {news}\n\n"
-                elif quiet % 20 == 0:
-                    yield ": still here\n\n"
-                await asyncio.sleep(LOOK_EVERY)
+                self._last_taken = now = loop.time()
+                if now >= due:
+                    due = now + LOOK_EVERY
+                    news = json.dumps(
+                        [
+                            {"version": s.version, "problem": s.problem, "state": s.state()}
+                            for s in self._sources
+                        ]
+                    )
+                    if news != told:
+                        told, told_at = news, now
+                        yield f"data: {news}\n\n"
+                    elif now - told_at >= SILENCE:
+                        told_at = now
+                        yield ": still here\n\n"
+                await asyncio.sleep(HEED_EVERY)
         finally:
             self.watched -= 1
 
