@@ -9,7 +9,7 @@ runs turn by turn, as generations differ more than a page costs, and give the me
 
 - `time`: the time of B and C relative to A (medians of the turn's generations), as far as this machine is quiet.
 - `core time`: the core time of the run and of those who watch, relative to the run's in A. It tells what the run pays
-  for answers, too, and what other work of the machine cannot change.
+  for answers, too; time that other work takes away from this machine is no part of it.
 - `share`: the core time of the explorer and the browser as a share of what this machine's cores have to give.
 
 Opening the page is not part of them. Chromium takes part in the time of this machine's cores: it draws the map again
@@ -52,6 +52,9 @@ SKIPPED = 6
 OPENING = 6
 """Generations of each turn that are not compared: the explorer starts, and the browser loads the page."""
 
+AFTER = 3
+"""Generations after the last turn, so that the processes are still there to tell their core time."""
+
 WAYS = ("none", "page", "slow")
 
 
@@ -90,10 +93,6 @@ def slow_client() -> Iterator[None]:
         with socket.create_connection((found[1], int(found[2]))) as connection:
             connection.sendall(f"GET /api/events HTTP/1.1\r\nHost: {found[1]}\r\n\r\n".encode())
             yield
-
-
-AFTER = 3
-"""Generations after the last turn, so that the processes are still there to tell their core time."""
 
 
 class Turn(NamedTuple):

@@ -33,8 +33,10 @@ from pga_me_ros.explorer.recorder import Recorder
 from pga_me_ros.explorer.source import FORMATS, Source
 
 LOOK_EVERY = 2.0
-"""Seconds between two looks at the sources while a page is open, and between two of its news: a browser on a machine
-without a graphics card spends more time on drawing them than all else here takes."""
+"""Seconds between two looks at the sources while a page is open, and between two of its news.
+
+Explorer and browser take 3.1 % of a core with it, without a graphics card; with 1 s they took 3.6 %.
+"""
 
 HEED_EVERY = 0.25
 """Seconds after which whoever waits notices that the server is being stopped."""
