@@ -8,8 +8,8 @@ all must end with the same repertoire, bit for bit; what differs is who watched 
 runs turn by turn, as generations differ more than a page costs, and give the median over the turns:
 
 - `time`: the time of B and C relative to A (medians of the turn's generations), as far as this machine is quiet.
-- `core time`: the core time of the run and of those who watch, relative to the run's in A. It tells what the run pays
-  for answers, too; time that other work takes away from this machine is no part of it.
+- `core time`: the core time of the run and of those who watch, relative to that in A. It tells what the run pays for
+  answers, too; time that other work takes away from this machine is no part of it.
 - `share`: the core time of the explorer and the browser as a share of what this machine's cores have to give.
 
 Opening the page is not part of them. Chromium takes part in the time of this machine's cores: it draws the map again
@@ -96,12 +96,18 @@ def slow_client() -> Iterator[None]:
 
 
 class Turn(NamedTuple):
-    """What some generations took: the median of their seconds, and core seconds of the run and of who watched."""
+    """What some generations took.
+
+    Attributes:
+        way: Who watched.
+        seconds: Median of their seconds.
+        cores: Core seconds of the run and of who watched.
+        share: Core time of who watched, as a share of what this machine's cores had to give.
+    """
 
     way: str
     seconds: float
     cores: float
-    watching: float
     share: float
 
 
@@ -150,7 +156,7 @@ def run(order: Sequence[str], generations: int, browser: Any, play: bool) -> tup
                 times = committed(file)[start + OPENING - 1 : start + length]
                 seconds = statistics.median(b - a for a, b in pairwise(times))
                 share = watched / elapsed / (os.cpu_count() or 1)
-                turns.append(Turn(way, seconds, cores, watched, share))
+                turns.append(Turn(way, seconds, cores + watched, share))
                 print(
                     f"generation {start + OPENING}, {way}: median {seconds:.3f} s of {generations}, "
                     f"core time {cores:.1f} s, and {watched:.1f} s ({share:.1%}) for who watches",
@@ -185,7 +191,7 @@ def measure(rounds: int, turns: int, generations: int, browser: Any, play: bool)
             without = by_way.pop("none")
             for way, turn in by_way.items():
                 figures[way]["time"].append(turn.seconds / without.seconds)
-                figures[way]["core time"].append((turn.cores + turn.watching) / without.cores)
+                figures[way]["core time"].append(turn.cores / without.cores)
                 figures[way]["share"].append(turn.share)
     if len(digests) > 1:
         raise SystemExit(f"the repertoires differ: {digests}")

@@ -33,16 +33,14 @@ from pga_me_ros.explorer.recorder import Recorder
 from pga_me_ros.explorer.source import FORMATS, Source
 
 LOOK_EVERY = 2.0
-"""Seconds between two looks at the sources while a page is open, and between two of its news.
-
-Explorer and browser take 3.1 % of a core with it, without a graphics card; with 1 s they took 3.6 %.
-"""
+"""Seconds between two looks at the sources while a page is open, and between two of its news: each costs the run's
+machine a question and an answer, and often the browser's drawing, too."""
 
 HEED_EVERY = 0.25
 """Seconds after which whoever waits notices that the server is being stopped."""
 
-SILENCE = 20.0
-"""Seconds without news after which a page gets a sign of life, which also shows whether it is still there."""
+QUIET = 10
+"""Looks without news after which a page gets a sign of life, which also shows whether it is still there."""
 
 PATIENCE = 30.0
 """Seconds after which a page that takes no news, as on a computer that sleeps, no longer counts as open."""
@@ -249,28 +247,32 @@ class Server:
     async def _news(self) -> AsyncIterator[str]:
         """Yield the newest state whenever it has changed; a slow browser gets fewer of them, never a queue."""
         self.watched += 1
-        loop = asyncio.get_running_loop()
-        told, told_at, due = "", 0.0, 0.0
+        told, quiet = "", 0
         try:
             while not self._is_ending():
-                self._last_taken = now = loop.time()
-                if now >= due:
-                    due = now + LOOK_EVERY
-                    news = json.dumps(
-                        [
-                            {"version": s.version, "problem": s.problem, "state": s.state()}
-                            for s in self._sources
-                        ]
-                    )
-                    if news != told:
-                        told, told_at = news, now
-                        yield f"data: {news}\n\n"
-                    elif now - told_at >= SILENCE:
-                        told_at = now
-                        yield ": still here\n\n"
-                await asyncio.sleep(HEED_EVERY)
+                self._last_taken = asyncio.get_running_loop().time()
+                news = json.dumps(
+                    [
+                        {"version": s.version, "problem": s.problem, "state": s.state()}
+                        for s in self._sources
+                    ]
+                )
+                quiet += 1
+                if news != told:
+                    told, quiet = news, 0
+                    yield f"data: {news}\n\n"
+                elif quiet % QUIET == 0:
+                    yield ": still here\n\n"
+                await self._next_look()
         finally:
             self.watched -= 1
+
+    async def _next_look(self) -> None:
+        """Wait until it is time for the next look, or the server is being stopped."""
+        for _ in range(round(LOOK_EVERY / HEED_EVERY)):
+            if self._is_ending():
+                return
+            await asyncio.sleep(HEED_EVERY)
 
 
 def _refresh(source: Source) -> None:

@@ -111,7 +111,7 @@ def test_the_server_simulates_what_the_page_asks_for(
 ) -> None:
     run = StoredRun.load(folder)
     gait = run.choose(best=True)
-    page.page.locator(f'#maps path[data-cell="{gait.cell}"]').click(force=True)
+    page.choose(gait.cell)
     if start == "evaluation":
         page.page.select_option("#start", start)
     else:

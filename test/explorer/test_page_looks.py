@@ -101,7 +101,7 @@ def test_a_gait_without_motion_leaves_no_other_robot_on_the_stage(
     choose(page, recorded[0])
     with_robot = page.picture()
     other = next(c for c in run.archive.filled_cells().tolist() if c not in recorded)
-    page.page.locator(f'#maps path[data-cell="{other}"]').click(force=True)
+    page.choose(other)
     page.page.wait_for_selector("#no-stage:visible")
     assert page.picture() != with_robot
 
@@ -112,7 +112,7 @@ def test_robots_that_are_compared_have_the_numbers_of_their_list(
     choose(page, recorded[0])
     assert "1:" not in page.page.inner_text("#lanes")
     page.page.click("#pin")
-    page.page.locator(f'#maps path[data-cell="{recorded[1]}"]').click(force=True)
+    page.choose(recorded[1])
     page.wait("Explorer.view().cells.length === 2")
     listed = page.page.inner_text("#lanes")
     assert f"1: cell {recorded[1]} " in listed
