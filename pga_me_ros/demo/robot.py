@@ -30,6 +30,7 @@ from pga_me_ros.client.patient_caller import PatientCaller
 from pga_me_ros.client.repertoire_client import TIMEOUT
 from pga_me_ros.core.evaluation import as_evaluated, evaluation_rng
 from pga_me_ros.core.settings import Settings
+from pga_me_ros.core.storage.known_behavior import KnownBehavior
 from pga_me_ros.core.storage.shipped import REPERTOIRE, ZOO, shipped
 from pga_me_ros.process.early_signals import hand_over
 from pga_me_ros.ros.environment import prepare_environment
@@ -46,6 +47,9 @@ FIT = 0.25
 
 SELDOM = 0.05
 """Share of falls up to which a behavior counts as one that keeps its promise."""
+
+CONVINCING = 0.6
+"""Share of the fitness of the shipped best that a run's own must have: a standing hopper has 0.46, a walker 0.54."""
 
 PATIENCE = 60.0
 """Seconds in which a repertoire that is started beside a run must answer, on a slow machine, too."""
@@ -165,35 +169,49 @@ def unlike_the_fittest(
 def show_a_steady_one(
     client: RepertoireClient, node: Node, info: RepertoireInfo, task: Task
 ) -> tuple[str, tuple[ListedBehavior, ...]]:
-    """Run a behavior that seldom falls: one of the run's own, else one of the repertoire that comes with the package.
+    """Run the fittest behavior that seldom falls, and one that comes with the package if that doesn't convince.
+
+    A robot that stands still keeps its promise as well, so that a behavior must also be `CONVINCING`.
 
     Returns:
-        Name of the shipped repertoire that has it, empty if the run's own has one or there is none; and all of its
-        behaviors that seldom fall, fittest first.
+        Name of the shipped repertoire whose behavior was the last, empty if it was the run's own or there is none; and
+        all behaviors of that repertoire that seldom fall, fittest first.
     """
     own = _steady(client)
     if own:
         print(f"the fittest that falls in at most {SELDOM:.0%} of its re-evaluations:")
         _show_promise(own, info, task)
-        return "", _all_steady(client)
-    print(
-        f"none of them falls in at most {SELDOM:.0%} of its re-evaluations: such gaits take longer to grow "
-        "(docs/results.md says how long)."
-    )
-    name = f"{ZOO}/{info.task}"
+    else:
+        print(
+            f"none of them falls in at most {SELDOM:.0%} of its re-evaluations: such gaits take longer to grow "
+            "(docs/results.md says how long)."
+        )
     if info.task not in shipped():
-        return "", ()
+        return "", _all_steady(client)
+    name = f"{ZOO}/{info.task}"
     ready = RepertoireClient(node, repertoire=name, timeout=PATIENCE)
     try:
         steady, ready_info = _steady(ready), ready.get_info()
-        if steady:
-            print(
-                f"this one comes with the package: {name}, {ready_info.evaluations:,} evaluations:"
-            )
-            _show_promise(steady, ready_info, task)
+        if steady is None or convinces(own, steady):
+            return "", _all_steady(client)
+        if own:
+            ratio = steady.promised_fitness / own.promised_fitness
+            print(f"a longer run's best is worth {ratio:.1f} times as much:")
+        print(f"this one comes with the package: {name}, {ready_info.evaluations:,} evaluations:")
+        _show_promise(steady, ready_info, task)
         return name, _all_steady(ready)
     finally:
         ready.close()
+
+
+def convinces(own: KnownBehavior | None, ready: KnownBehavior) -> bool:
+    """Tell whether a behavior of a short run is fit enough to end with.
+
+    Args:
+        own: The run's fittest that seldom falls, None if all fall.
+        ready: That of the repertoire that comes with the package.
+    """
+    return own is not None and own.promised_fitness >= CONVINCING * ready.promised_fitness
 
 
 def _steady(client: RepertoireClient) -> Behavior | None:

@@ -18,7 +18,7 @@ from stored import store
 
 from pga_me_ros.client import ListedBehavior, RepertoireInfo
 from pga_me_ros.demo.arguments import DEFAULTS, Arguments, find_config
-from pga_me_ros.demo.robot import served_from, unlike_the_fittest
+from pga_me_ros.demo.robot import convinces, served_from, unlike_the_fittest
 from pga_me_ros.errors import SettingsError
 
 CONFIG = Path(__file__).resolve().parents[2] / "config" / "qd_walker.yaml"
@@ -161,6 +161,22 @@ def test_the_next_gait_to_ask_for_is_fit_and_differs_most_from_the_fittest() -> 
     np.testing.assert_array_equal(unlike_the_fittest([fittest, *others, slow], info), [0.95, 0.0])
     np.testing.assert_array_equal(unlike_the_fittest([fittest], info), [0.5, 0.0])
     assert unlike_the_fittest([], info) is None
+
+
+@pytest.mark.parametrize(
+    ("own", "ready", "enough"),
+    [
+        pytest.param(None, 2200.0, False, id="all hoppers fall"),
+        pytest.param(1009.0, 2200.0, False, id="a hopper stands"),
+        pytest.param(1342.0, 2200.0, True, id="a hopper hops"),
+        pytest.param(1000.0, 1837.0, False, id="a walker stands"),
+    ],
+)
+def test_a_robot_that_stands_still_does_not_convince(
+    own: float | None, ready: float, enough: bool
+) -> None:
+    behavior = None if own is None else listed([0.5], [0.5], own)
+    assert convinces(behavior, listed([0.5], [0.5], ready)) == enough
 
 
 def test_a_misspelled_task_gives_one_line_with_the_nearest_name(graph: Graph) -> None:
