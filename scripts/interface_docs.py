@@ -41,7 +41,8 @@ PAGE = """\
 <!-- Made by scripts/interface_docs.py from msg_defs, ros/names.py, ros/qos.py and the nodes; edit those. -->
 
 Names are relative unless they begin with `/`; `~` is the name of the node. All topics are reliable. "Latched" topics
-are transient local: a late subscriber gets the newest message. Services use the default quality of service of ROS 2.
+are transient local: a late subscriber gets the newest message. Services are reliable, too; those that robots ask,
+`repertoire/…` and `adapt/…`, hold 100 requests, the others 10, as is ROS 2's default.
 
 ## Topics
 

@@ -42,11 +42,12 @@ PAGE = """\
   that names other rates than the first start did puts those in force; any other start keeps the rates set last. All
   other settings of the run are its identity, and a run directory refuses others.
 
-Besides ROS 2's own environment variables there is one default: if neither `ROS_AUTOMATIC_DISCOVERY_RANGE` nor
-`ROS_LOCALHOST_ONLY` is set, every executable sets `ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST` for itself and its
-children. For several machines, export `SUBNET` on each; [two_machines.md](two_machines.md#transports-users-containers)
-says what happens to your own transports and profiles. With `ROS_SECURITY_ENABLE=true` nothing starts with ROS 2
-from wheels, which have no DDS security ([security.md](security.md)).
+Besides ROS 2's own environment variables there is one default: unless you set `ROS_AUTOMATIC_DISCOVERY_RANGE`,
+`ROS_LOCALHOST_ONLY`, a discovery server or transports, every executable sets `ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST`
+for itself and its children. For several machines, export `SUBNET` on each;
+[two_machines.md](two_machines.md#transports-users-containers) says what happens to your own transports and profiles.
+With `ROS_SECURITY_ENABLE=true` nothing starts with ROS 2 from wheels, which have no DDS security
+([security.md](security.md)).
 
 ## The run: orchestrator
 

@@ -184,7 +184,7 @@ def _not_for(run: StoredRun, kept: Archive, known: Statistics) -> Iterator[str]:
     )
     yield (
         f"- Episodes longer than {run.spec.max_steps * run.spec.control_period:.1f} s, other starts than those of the "
-        f"task, and anything that its simulation has not: {unlike}"
+        f"task, and anything that the simulation lacks: {unlike}"
     )
     yield "- Descriptors far from those above: the nearest behavior is then far, too; `max_distance` refuses it."
     yield ""

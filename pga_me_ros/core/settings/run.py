@@ -30,8 +30,8 @@ class RunSettings:
     )
     randomization: str = setting(
         "",
-        "What of robot and world is another in each evaluation, and within which limits, for example 'mass 0.8 1.2, "
-        "friction 0.5 1.0'; empty: nothing. docs/promises.md lists the kinds.",
+        "What varies between evaluations besides the initial pose, and within which limits, for example "
+        "'mass 0.8 1.2, friction 0.5 1.0'; empty: nothing. docs/promises.md lists the kinds.",
     )
     algorithm: str = setting(
         "pga_map_elites",
