@@ -159,7 +159,8 @@ def save_run(path: str | Path, search: Search) -> StoredRun:
         raise RequestError("The search has no generation yet; call run_generation first.")
     file = user_path(path) / stored_run.REPERTOIRE
     info = RunInfo.of_new_run(search.spec, search.settings)
-    store_whole_run(file, info, search.archive, search.metrics, search.settings.rates)
+    rates, depth = search.settings.rates, search.depth
+    store_whole_run(file, info, search.archive, search.metrics, rates, depth=depth)
     if search.trained and algorithm_of(search.settings).conditioned:
         CriticCheckpoints(file.parent).save(*search.trained, search.learner.state())
     run = StoredRun.load(file)

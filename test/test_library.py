@@ -18,6 +18,7 @@ from pga_me_ros.core.search import Search
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.core.storage.metrics_file import METRICS_FILE
 from pga_me_ros.core.storage.reevaluations import Reevaluations
+from pga_me_ros.core.storage.repertoire import Repertoire
 from pga_me_ros.errors import PgaError, RequestError, StorageError
 from pga_me_ros.library import StoredRun, save_run
 from pga_me_ros.reevaluate.__main__ import reevaluate
@@ -89,6 +90,24 @@ def test_a_saved_search_without_critics_can_resume(saved: StoredRun) -> None:
     directory = open_run(saved.file.parent, saved.spec, SETTINGS.replace(evaluations=30))
     directory.lock.release()
     assert (directory.run_id, directory.next_generation) == (saved.info.run_id, 2)
+
+
+def test_a_saved_search_whose_solutions_are_evaluated_again_can_resume(tmp_path: Path) -> None:
+    settings = SETTINGS.replace(extract_share=0.4, cell_depth=2)
+    search, task = Search(task_spec("qd_hopper"), settings), make_task("qd_hopper")
+    while search.generation < 3:
+        search.run_generation(task)
+    task.close()
+    run = save_run(tmp_path / "run", search)
+    with Repertoire.open(run.file) as file:
+        stored = file.load_depth(file.load_archive(), settings.cell_depth)
+    depth = search.depth
+    assert depth is not None
+    counts = {k: sample.count for k, sample in stored.samples.items()}
+    assert max(counts.values()) > 1
+    assert counts == {k: sample.count for k, sample in depth.samples.items()}
+    drawn = [each.draw(settings.seed, 3, 3).tolist() for each in (stored, depth)]
+    assert drawn[0] == drawn[1]
 
 
 def test_what_cannot_be_saved_is_refused(search: Search, saved: StoredRun, tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pga_me_ros.core.archive.archive import Archive
+from pga_me_ros.core.archive.metrics import PER_OPERATOR
 from pga_me_ros.core.archive.statistics import Statistics
 from pga_me_ros.core.operators import OPERATORS, Operator
 from pga_me_ros.core.storage.stored_run import StoredRun
@@ -18,9 +19,6 @@ from pga_me_ros.tasks.spec import TaskSpec
 
 CURVES = ("generation", "evaluations", "coverage", "qd_score", "max_fitness", "mean_fitness")
 """Metrics of each generation that the page draws as curves."""
-
-PER_OPERATOR = ("offspring", "new_elites", "improved_elites")
-"""Counts of each operator that the page sums up."""
 
 
 def describe(run: StoredRun, name: str) -> dict[str, Any]:

@@ -107,7 +107,8 @@ class Variation(GraphNode):
                     f"{sorted(self._snapshots)}. Ask again once it has been published.",
                 )
                 return
-        lacking = self._elites.lacking(ids)
+        aimed = self._algorithm.conditioned and settings.extracted
+        lacking = self._elites.lacking(ids, request.generation - 1 if aimed else -1)
         if lacking:
             response.lacking = lacking
             self._put_off(

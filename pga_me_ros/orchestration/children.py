@@ -129,9 +129,10 @@ class Children:
         self.pids.add(child.pid)
         return child
 
-    def pid(self, name: str) -> int:
-        """Return the id of a child's present process."""
-        return self._children[name].pid
+    def pid(self, name: str) -> int | None:
+        """Return the id of a child's present process, None if there is no such child (any more)."""
+        child = self._children.get(name)
+        return child.pid if child else None
 
     def names(self) -> list[str]:
         """Return the names of all children."""

@@ -48,9 +48,10 @@ class Roster:
         if msg.pid not in self._children.pids or msg.host != self._host:
             return False
         name = self.name_of(msg)
-        if name in self._children.names():  # anybody can send any name
+        pid = self._children.pid(name)
+        if pid is not None:  # anybody can send any name
             self._refused[msg.pid] = msg.refused
-            if self._children.pid(name) == msg.pid:
+            if pid == msg.pid:
                 self.arrivals += not self._is_up(name)
                 self._heard[name] = (msg.pid, time.monotonic())
             if msg.done:

@@ -57,7 +57,7 @@ class TrainerClient:
         clients: LoopClients,
         pool: EvaluatorPool,
         waiter: Waiter,
-        incarnation: Callable[[], int],
+        incarnation: Callable[[], int | None],
     ) -> None:
         self._node = node
         self._run_id = run_id
@@ -109,7 +109,7 @@ class TrainerClient:
 
     def wait_for(self, order: TrainingOrder) -> None:
         """Wait until a training's snapshot has arrived, and start the training again if its node died."""
-        asked_of = 0
+        asked_of: int | None = 0
 
         def came_or_died() -> bool:
             return self.has(order) or asked_of != self._incarnation()
@@ -161,7 +161,8 @@ class TrainerClient:
         return response
 
     def _best_controller(self) -> object:
-        request = GetBehavior.Request(select=GetBehavior.Request.BEST)
+        # By single evaluations, as in `core.search`: re-evaluations change nothing in a run.
+        request = GetBehavior.Request(select=GetBehavior.Request.BEST, single=True)
         response = call(self._waiter, self._best, request)
         if not response.found:
             raise PgaError(f"The greedy controller has no start: {response.message}")

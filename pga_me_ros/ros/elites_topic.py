@@ -43,6 +43,9 @@ class EliteMirror:
         cells: Cells of the archive.
         parameter_count: Parameters P of a controller.
         descriptor_dim: Number d of descriptor dimensions.
+
+    Attributes:
+        generation: Latest generation that was heard of, -1 before the first.
     """
 
     def __init__(self, cells: int, parameter_count: int, descriptor_dim: int) -> None:
@@ -50,6 +53,7 @@ class EliteMirror:
         self._descriptors = np.empty((cells, descriptor_dim))
         self._parameters = np.empty((cells, parameter_count), np.float32)
         self._cell_of: dict[int, int] = {}
+        self.generation = -1
 
     def hear(self, msg: Elites) -> None:
         """Take the elites of a message.
@@ -71,10 +75,18 @@ class EliteMirror:
             self._cell_of.pop(left, None)
         self._evaluations[where] = ids
         self._cell_of.update(zip(ids.tolist(), where.tolist(), strict=True))
+        self.generation = max(self.generation, msg.generation)
 
-    def lacking(self, evaluations: Int64Array) -> list[int]:
-        """Return the evaluation ids whose elites were not received, ascending."""
-        return [k for k in np.unique(evaluations).tolist() if k not in self._cell_of]
+    def lacking(self, evaluations: Int64Array, generation: int = -1) -> list[int]:
+        """Return the evaluation ids whose elites were not received, ascending.
+
+        Args:
+            evaluations: Ids, in any shape.
+            generation: All are lacking before this generation was heard of: an elite that was evaluated again keeps its
+                id, but has another descriptor.
+        """
+        heard = self._cell_of if self.generation >= generation else ()
+        return [k for k in np.unique(evaluations).tolist() if k not in heard]
 
     def parameters(self, evaluations: Int64Array) -> Float32Array:
         """Return the parameters of elites by evaluation id; all must have been received.

@@ -10,6 +10,7 @@ from builtin_interfaces.msg import Time
 from pga_me_msgs.srv import ListGenerations
 
 from pga_me_ros.core.archive.corrected import CorrectedMetrics
+from pga_me_ros.core.archive.metrics import PER_OPERATOR
 from pga_me_ros.core.operators import Operator
 from pga_me_ros.core.storage.repertoire import Repertoire
 from pga_me_ros.errors import RequestError
@@ -50,7 +51,7 @@ def list_generations(
         msg.stamp = _time(row.committed)
         response.generations.append(msg)
     response.operators = [operator.label for operator in Operator]
-    for name in ("offspring", "new_elites", "improved_elites"):
+    for name in PER_OPERATOR:
         counts = [getattr(row.metrics, name) for row in rows]
         setattr(response, name, flat(np.array(counts, np.int64), "q"))
 

@@ -9,14 +9,16 @@ import pytest
 from lane_task import SETTINGS, Lane, grown
 
 from pga_me_ros.core.algorithms import ALGORITHMS
+from pga_me_ros.core.algorithms.qd_rl.selection import pareto_parents
 from pga_me_ros.core.evaluation import evaluation_rng
 from pga_me_ros.core.networks.controller import MlpController
 from pga_me_ros.core.operators import Operator
 from pga_me_ros.core.plan import GenerationPlan
+from pga_me_ros.core.rng import Purpose, generator
 from pga_me_ros.core.search import Search
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.core.settings.rules import RULES, useless
-from pga_me_ros.errors import SettingsError
+from pga_me_ros.errors import RequestError, SettingsError
 from pga_me_ros.tasks.rollout import rollout
 
 ABLE = [name for name in ALGORITHMS if RULES[name].uses("extract_share")]
@@ -57,6 +59,35 @@ def test_genetic_variation_keeps_its_share_of_what_is_new() -> None:
         Operator.PG: 6,
         Operator.EXTRACTED: 6,
     }
+
+
+@pytest.mark.parametrize("share", [0.25, 0.3, 0.5])
+@pytest.mark.parametrize("name", ABLE)
+def test_a_run_that_resumes_with_stored_rates_plans_what_it_planned(
+    name: str, share: float
+) -> None:
+    s = Settings(algorithm=name, extract_share=share, cell_depth=2)
+    assert s.with_rates(s.rates) == s
+    (plan, resumed) = (GenerationPlan.of(x, x, 200).slots for x in (s, s.with_rates(s.rates)))
+    assert resumed == plan
+
+
+def test_critics_that_are_trained_make_offspring() -> None:
+    s = Settings(n_evo=99, extract_share=0.5)
+    counts = {slot.operator: slot.count for slot in GenerationPlan.of(s, s, 9).slots}
+    assert counts == {Operator.GREEDY: 1, Operator.GA: 49, Operator.EXTRACTED: 50}
+
+
+def test_qd_rl_takes_as_many_parents_from_the_fronts_as_are_needed() -> None:
+    s = Settings(algorithm="qd_rl", extract_share=0.5)
+    archive = grown(settings()).archive
+    chosen = ALGORITHMS["qd_rl"].choose_parents(archive, s, 9, 0, 2, 1)
+    rng = generator(s.seed, Purpose.QDRL_SELECTION, 9)
+    np.testing.assert_array_equal(
+        chosen[:, 0], pareto_parents(archive, s.novelty_neighbors, rng, 2)
+    )
+    with pytest.raises(RequestError, match="places 0 to 1 have one parent each"):
+        ALGORITHMS["qd_rl"].choose_parents(archive, s, 9, 0, 3, 1)
 
 
 @pytest.mark.parametrize("name", [n for n in ABLE if n != "qd_rl"])

@@ -42,6 +42,7 @@ VARIANTS: dict[str, dict[str, Any]] = {
         "randomization": "mass 0.5 2, friction 0.2 1, torque 0.8 1.2, delay 0 2, noise 0 0.1, push 0 300"
     },
     "DCRL-MAP-Elites": {**DCRL, "schedule": "alternating", "injection_share": 0.2},
+    "DCRL-MAP-Elites, evaluated again": {**DCRL, "n_evo": 0, "extract_share": 0.5, "cell_depth": 2},
 }
 
 

@@ -45,12 +45,19 @@ EXTRACTION = {"extract_share": 0.3, "cell_depth": 3}
 """Settings of a run whose cells hold several solutions, which a resumed run needs as they were."""
 
 
-@pytest.mark.parametrize("more", [{}, EXTRACTION], ids=["plain", "extraction"])
+@pytest.mark.parametrize(
+    ("evaluations", "more"),
+    [
+        pytest.param(20, {}, id="plain"),
+        pytest.param(20, EXTRACTION, id="extraction"),
+        pytest.param(10, {"greedy_init": "best", "reevaluations": 5}, id="greedy_init"),
+    ],
+)
 def test_a_raised_budget_continues_a_finished_run(
-    graph: Graph, tmp_path: Path, more: dict[str, float]
+    graph: Graph, tmp_path: Path, evaluations: int, more: dict[str, Any]
 ) -> None:
     run_dir = tmp_path / "run"
-    first = graph.run(run_dir, evaluations=20, **more)
+    first = graph.run(run_dir, evaluations=evaluations, **more)
     assert first.wait() == 0, first.output
     second = graph.run(run_dir, evaluations=40, **more)
     assert second.wait() == 0, second.output

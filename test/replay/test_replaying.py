@@ -197,6 +197,7 @@ def not_finite(k: int) -> bytes:
         ([transitions(0)], ["--set", "seed"], "--set NAME=VALUE"),
         ([transitions(0)], ["--set", "greedy_init=best"], "add --set greedy_init=random"),
         ([transitions(0)], ["--set", "algorithm=map_elites_es"], "map_elites_es learns no critics"),
+        ([transitions(0)], ["--set", "algorithm=map_elites"], "map_elites learns no critics"),
     ],
 )
 def test_unusable_recordings_and_options_are_reported_in_one_line(

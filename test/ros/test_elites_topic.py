@@ -65,6 +65,16 @@ def test_missed_elites_can_be_received_later_and_twice() -> None:
     np.testing.assert_array_equal(late.parameters(ids), archive.parameters[cells])
 
 
+def test_all_are_lacking_before_their_generation_was_heard_of() -> None:
+    archive, mirror = grown(8)
+    ids = archive.evaluations[archive.filled_cells()]
+    assert mirror.generation == 7
+    assert mirror.lacking(ids, 7) == []
+    assert mirror.lacking(ids, 8) == sorted(ids.tolist())
+    mirror.hear(elites_to_msg(archive, "r", 8, archive.filled_cells()[:1]))
+    assert mirror.lacking(ids, 8) == []
+
+
 def test_no_parents_are_none() -> None:
     nobody = np.empty((7, 0), np.int64)
     assert EliteMirror(CELLS, P, D).parameters(nobody).shape == (7, 0, P)

@@ -197,11 +197,14 @@ class Adaptation:
 
     @property
     def adapted(self) -> bool:
-        """Whether a trial reached the share `enough` of the best that is expected anywhere (the paper's rule)."""
-        best = self.best
-        if best is None or best.achieved is None:
+        """Whether a trial reached the share `enough` of the best that is expected anywhere (the paper's rule).
+
+        What was given up is not expected of anything any more.
+        """
+        best, allowed = self.best, self._allowed
+        if best is None or best.achieved is None or not allowed.any():
             return False
-        expected = (float(self.estimate[0].max()) - self._base) / self._span
+        expected = (float(self.estimate[0][allowed].max()) - self._base) / self._span
         return (best.achieved - self._base) / self._span >= self.settings.enough * expected
 
     @property

@@ -42,14 +42,19 @@ class Slots:
 def without_extraction(settings: Settings) -> Settings:
     """Return the settings with the batch reduced by the solutions that are re-evaluated in it.
 
-    If the user set the number of GA offspring, it shrinks in proportion.
+    A number of GA offspring that is not the algorithm's own shrinks in proportion, and leaves a place for other kinds
+    if it did before.
     """
     if not settings.extracted:
         return settings
     left = settings.batch_size - settings.extracted
     changes: dict[str, Any] = {"batch_size": left, "extract_share": 0.0, "cell_depth": 1}
-    if "n_evo" in settings.given:
-        changes["n_evo"] = round(settings.n_evo * left / settings.batch_size)
+    n_evo, b = settings.n_evo, settings.batch_size
+    # By value, not by whether it was given: a run that resumes is given all rates, and must plan as it did before.
+    if n_evo == settings.replace(n_evo=Settings.n_evo).n_evo:
+        changes["n_evo"] = Settings.n_evo
+    else:
+        changes["n_evo"] = min(round(n_evo * left / b), left - (n_evo < b))
     return settings.replace(**changes)
 
 

@@ -13,6 +13,7 @@ class MapElites(Algorithm):
     name = "map_elites"
     title = "MAP-Elites"
     operators = (Operator.GA,)
+    learns_critics = False
 
     def offspring(self, settings: Settings, generation: int) -> list[Slots]:
         """Alg. 5 with n_evo = b (section 4.2)."""

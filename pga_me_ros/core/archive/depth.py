@@ -100,6 +100,20 @@ class CellDepth:
             solutions.sort(key=_rank)
         self.samples = dict(samples)
 
+    @property
+    def everything(self) -> DepthChange:
+        """All of it as the change that makes an archive of elites what it is."""
+        none = np.empty(0, np.int64)
+        return DepthChange(
+            added=AddResult(none, none),
+            changed_cells=self.archive.filled_cells(),
+            emptied_cells=none,
+            below=tuple(s for solutions in self.below.values() for s in solutions),
+            samples=self.samples,
+            left=(),
+            forgotten=(),
+        )
+
     def draw(self, seed: int, generation: int, count: int) -> Int64Array:
         """Draw which solutions a generation takes out.
 

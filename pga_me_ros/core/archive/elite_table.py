@@ -185,11 +185,7 @@ class EliteTable:
         return self.elite(int(filled[self.fitness[filled].argmax()]))
 
     def nearest(
-        self,
-        descriptor: ArrayLike,
-        k: int = 1,
-        max_distance: float = math.inf,
-        min_fitness: float = -math.inf,
+        self, descriptor: ArrayLike, k: int = 1, max_distance: float = math.inf
     ) -> tuple[Int64Array, Float64Array]:
         """Return the elites whose descriptors are nearest to a given one.
 
@@ -200,23 +196,20 @@ class EliteTable:
             descriptor: d numbers.
             k: Maximum number of elites.
             max_distance: Maximum distance, in shares of the range, inclusive.
-            min_fitness: Minimum fitness, inclusive.
 
         Returns:
             Cells, (m,) int64 with m <= k, and distances, (m,) float64; nearest first; ties go to
             the lower cell.
 
         Raises:
-            ArchiveError: The descriptor has the wrong length or is not finite, k is below 1, or a
-                limit is NaN.
+            ArchiveError: The descriptor has the wrong length or is not finite, k is below 1, or the distance is NaN.
         """
-        if k < 1 or math.isnan(max_distance) or math.isnan(min_fitness):
+        if k < 1 or math.isnan(max_distance):
             raise ArchiveError(
-                f"k={k}, max_distance={max_distance}, min_fitness={min_fitness}: ask for at least "
-                "one elite, and give limits that are numbers."
+                f"k={k}, max_distance={max_distance}: ask for at least one elite, and give a distance that is a number."
             )
         wanted = self.checked_descriptors(np.asarray(descriptor, np.float64)[None])[0]
-        candidates = np.flatnonzero(self.filled & (self.fitness >= min_fitness))
+        candidates = self.filled_cells()
         shares = (self.descriptors[candidates] - wanted) / self.extent
         distance = np.sqrt((shares**2).sum(axis=1))
         order = np.argsort(distance, kind="stable")

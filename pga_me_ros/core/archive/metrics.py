@@ -14,6 +14,9 @@ from pga_me_ros.core.operators import Operator
 UNKNOWN = -1
 """Evaluation id of the best elite if it is unknown."""
 
+PER_OPERATOR = ("offspring", "new_elites", "improved_elites")
+"""Metrics that have a count per operator."""
+
 
 @dataclass(frozen=True)
 class Metrics:
@@ -57,7 +60,7 @@ class Metrics:
 
     def __post_init__(self) -> None:
         """Give every operator its count."""
-        for name in ("offspring", "new_elites", "improved_elites"):
+        for name in PER_OPERATOR:
             counts = getattr(self, name)
             filled_up = (*counts, *(0,) * (len(Operator) - len(counts)))
             object.__setattr__(self, name, filled_up)

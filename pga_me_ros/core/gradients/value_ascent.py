@@ -77,14 +77,13 @@ def make_value_ascent(
 
 
 @compiled
-def climb(ascent: ValueAscent, states: Tensor) -> Tensor:
-    """Fill the controllers' gradient for states (E or 1, N, obs_dim); return the values (E, N, 1) before the step."""
+def climb(ascent: ValueAscent, states: Tensor) -> None:
+    """Fill the controllers' gradient for states (E or 1, N, obs_dim)."""
     ascent.states.copy_(states)
     ascent.actions.copy_(forward(ascent.controllers, states))
-    values = forward(ascent.critics, ascent.inputs)
+    forward(ascent.critics, ascent.inputs)
     input_gradient(ascent.critics, ascent.weights, ascent.action_weights, ascent.by_action)
     backward(ascent.controllers, states, ascent.by_action)
-    return values
 
 
 @compiled

@@ -97,7 +97,6 @@ class CriticTrainer:
             )
             for share in torch.empty(rows).chunk(len(parts))
         ]
-        self._objectives = self._zeros(len(self._ascents))
         self._batches = [
             TrainingBatch(rows, self.obs_dim, self.act_dim, self.device) for _ in range(BLOCK)
         ]
@@ -120,9 +119,7 @@ class CriticTrainer:
             steps: Numbers of the steps, at least one; 1 to n_crit by default.
 
         Returns:
-            Means over the steps: 'critic_loss', 'mean_q' (of Q1 on the batch) and
-            'greedy_objective' (mean Q1 of the greedy controller's actions, NaN if it was not
-            updated).
+            Means over the steps: 'critic_loss', and 'mean_q' of Q1 on the batch.
 
         Raises:
             PgaError: The replay buffer is empty.
@@ -133,15 +130,11 @@ class CriticTrainer:
         with torch.no_grad(), torch_threads(self.settings.torch_threads):
             for block in blocks(steps, settings.target_period):
                 self._train_block(replay, settings, rng, block)
-        n_greedy = len([t for t in steps if t % settings.target_period == 0])
         loss, value = self._critics.take_sums()
-        objective = self._objectives.sum().item()
-        self._objectives.zero_()
         rows = self.settings.transition_batch
         stats = {
             "critic_loss": loss / (len(steps) * rows),
             "mean_q": value / (len(steps) * rows),
-            "greedy_objective": objective / (n_greedy * rows) if n_greedy else math.nan,
         }
         if not math.isfinite(stats["critic_loss"]):
             raise NetworkError(
@@ -183,7 +176,7 @@ class CriticTrainer:
             if i < len(shares):  # a batch of one transition makes one share
                 q1_trained.wait()
                 # Climb the greedy controller's mean Q1(s, pi(s)) (Alg. 4, lines 8-9) on a share of the states.
-                self._objectives[i] += climb(self._ascents[i], shares[i]).sum()
+                climb(self._ascents[i], shares[i])
             parts[i].move_target(rates.target_rate)
 
         self._side_by_side(*(partial(learn, i) for i in range(len(parts))))
@@ -202,9 +195,9 @@ class CriticTrainer:
         """Return the greedy controller: (P,) float32, a copy."""
         return self._greedy[0].cpu().numpy().copy()
 
-    def critic_parameters(self, index: int = 0) -> Float32Array:
-        """Return critic Q1 (index 0) or Q2 (1): (P,) float32, a copy."""
-        return self._critics.state()["critics"][index].cpu().numpy().copy()
+    def critic_parameters(self) -> Float32Array:
+        """Return critic Q1: (P,) float32, a copy."""
+        return self._critics.parts[0].online[0].cpu().numpy().copy()
 
     def set_greedy(self, parameters: Float32Array) -> None:
         """Start the greedy controller and its target from given parameters (greedy_init 'best').
@@ -255,9 +248,6 @@ class CriticTrainer:
             "greedy_moment2": self._greedy_adam.moment2[0],
             "greedy_steps": self._greedy_adam.steps[0],
         }
-
-    def _zeros(self, *shape: int) -> Tensor:
-        return torch.zeros(shape, device=self.device)
 
 
 def blocks(steps: range, period: int) -> Iterator[range]:

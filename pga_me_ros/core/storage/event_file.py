@@ -15,7 +15,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from pga_me_ros.core.archive.metrics import Metrics
+from pga_me_ros.core.archive.metrics import PER_OPERATOR, Metrics
 from pga_me_ros.core.operators import Operator
 from pga_me_ros.core.storage.repertoire import Repertoire
 from pga_me_ros.core.storage.rows import Generation
@@ -37,7 +37,6 @@ _OF_ARCHIVE = (
     "min_fitness",
     "total_steps",
 )
-_PER_OPERATOR = ("offspring", "new_elites", "improved_elites")
 
 
 def require_event_writer() -> None:
@@ -130,7 +129,7 @@ def scalars(metrics: Metrics) -> dict[str, float]:
     """
     found = {f"archive/{name}": float(getattr(metrics, name)) for name in _OF_ARCHIVE}
     for operator, made in zip(Operator, metrics.offspring, strict=True):
-        for name in _PER_OPERATOR if made else ():
+        for name in PER_OPERATOR if made else ():
             counts = dict(zip(Operator, getattr(metrics, name), strict=True))
             found[f"{name}/{operator.label}"] = float(counts[operator])
     return {tag: value for tag, value in found.items() if not math.isnan(value)}

@@ -9,7 +9,7 @@ from dataclasses import fields
 from pathlib import Path
 
 from pga_me_ros.core.archive.corrected import CorrectedMetrics
-from pga_me_ros.core.archive.metrics import Metrics
+from pga_me_ros.core.archive.metrics import PER_OPERATOR, Metrics
 from pga_me_ros.core.operators import Operator
 from pga_me_ros.core.storage.database import explained
 from pga_me_ros.core.storage.files import replace_file
@@ -31,7 +31,6 @@ _NUMBERS = (
     "min_fitness",
     "best_evaluation",
 )
-_PER_OPERATOR = ("offspring", "new_elites", "improved_elites")
 
 _CORRECTED = tuple(f.name for f in fields(CorrectedMetrics))
 
@@ -40,7 +39,7 @@ TIME_COLUMNS = ("committed",)
 
 COLUMNS = (
     *_NUMBERS,
-    *(f"{name}_{operator.label}" for name in _PER_OPERATOR for operator in Operator),
+    *(f"{name}_{operator.label}" for name in PER_OPERATOR for operator in Operator),
     *(f"corrected_{name}" for name in _CORRECTED),
     *TIME_COLUMNS,
 )
@@ -87,7 +86,7 @@ class MetricsFile:
 def _row(generation: Generation, known: Mapping[int, CorrectedMetrics]) -> list[object]:
     metrics: Metrics = generation.metrics
     numbers = [getattr(metrics, name) for name in _NUMBERS]
-    counts = [count for name in _PER_OPERATOR for count in getattr(metrics, name)]
+    counts = [count for name in PER_OPERATOR for count in getattr(metrics, name)]
     corrected = known.get(metrics.generation)
     measures = [getattr(corrected, name) if corrected else "" for name in _CORRECTED]
     return [*numbers, *counts, *measures, generation.committed]

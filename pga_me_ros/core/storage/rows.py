@@ -18,7 +18,7 @@ import numpy as np
 from pga_me_ros.core.archive.archive import Archive
 from pga_me_ros.core.archive.elites import Elite
 from pga_me_ros.core.archive.make_archive import restore_archive
-from pga_me_ros.core.archive.metrics import Metrics
+from pga_me_ros.core.archive.metrics import PER_OPERATOR, Metrics
 from pga_me_ros.core.operators import Operator
 from pga_me_ros.core.storage.run_info import RunInfo
 from pga_me_ros.errors import StorageError
@@ -85,7 +85,6 @@ DIGEST_SIZE = 32
 EXTREMES = ("min_fitness", "best_evaluation")
 """Metrics that only newer files have, in a separate table (`core.storage.extremes`)."""
 METRICS = tuple(f.name for f in fields(Metrics) if f.name not in EXTREMES)
-_PER_OPERATOR = ("offspring", "new_elites", "improved_elites")
 
 Row = Sequence[Any]
 
@@ -231,7 +230,7 @@ def row_to_generation(row: Row) -> Generation:
     if not sound:
         raise DamagedRow(f"the row of generation {row[0]!r} is damaged")
     values = dict(zip(METRICS, columns, strict=False))
-    values |= {name: tuple(json.loads(values[name])) for name in _PER_OPERATOR}
+    values |= {name: tuple(json.loads(values[name])) for name in PER_OPERATOR}
     if extremes_digest is not None:
         extremes = (row[0], min_fitness, best_evaluation)
         if extremes_digest_of(extremes) != extremes_digest:

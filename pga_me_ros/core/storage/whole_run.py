@@ -10,8 +10,10 @@ from pathlib import Path
 from typing import Any
 
 from pga_me_ros.core.archive.archive import Archive
+from pga_me_ros.core.archive.depth import CellDepth
 from pga_me_ros.core.archive.metrics import UNKNOWN, Metrics
 from pga_me_ros.core.storage.database import connect, create_file, explained, insert_rows
+from pga_me_ros.core.storage.deep_cells import store_change
 from pga_me_ros.core.storage.extremes import store_extremes
 from pga_me_ros.core.storage.rows import elite_to_row, metrics_to_row, xor_digests
 from pga_me_ros.core.storage.run_info import RunInfo
@@ -24,6 +26,7 @@ def store_whole_run(
     metrics: Sequence[Metrics],
     rates: Mapping[str, Any],
     *,
+    depth: CellDepth | None = None,
     closed: bool = False,
 ) -> None:
     """Make a repertoire file of an archive and the metrics of its generations.
@@ -37,6 +40,7 @@ def store_whole_run(
         archive: The archive after the last generation.
         metrics: Metrics of every generation, at least one.
         rates: The rates in force, stored with every generation.
+        depth: What the archive's cells hold below their elites, where solutions are evaluated again.
         closed: Whether nothing will ever be added, so that the file can do without a log beside it, and be read where
             nothing can be written.
 
@@ -61,6 +65,8 @@ def store_whole_run(
                 row = metrics_to_row(generation, rates, now, digest)
                 insert_rows(connection, "generations", [row])
             store_extremes(connection, metrics[-1])
+            if depth:
+                store_change(connection, metrics[-1].generation, depth.everything)
             connection.execute("COMMIT")
             if closed:
                 connection.execute("PRAGMA journal_mode = DELETE")

@@ -151,6 +151,21 @@ def test_it_ends_when_all_were_given_up() -> None:
     assert not adaptation.adapted
 
 
+def test_what_was_given_up_is_not_expected_any_more() -> None:
+    fitness = np.full(N, 49.0)
+    fitness[[0, N - 1]] = 100.0, 50.0
+    adaptation = Adaptation(promises(fitness))
+    first = adaptation.next()
+    assert first is not None
+    assert first.cell == 0
+    adaptation.give_up()
+    second = adaptation.next()
+    assert second is not None
+    adaptation.report(50.0)
+    assert adaptation.adapted
+    assert adaptation.next() is None
+
+
 def test_an_earlier_session_is_continued() -> None:
     whole = Adaptation(promises())
     adapt(whole)

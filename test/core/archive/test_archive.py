@@ -338,19 +338,13 @@ def test_best_is_the_fittest(filled: Archive) -> None:
 
 def test_nearest_equals_an_exhaustive_search(filled: Archive) -> None:
     wanted = np.array([0.4, 0.6])
-    near = [
-        (float(np.linalg.norm(e.descriptor - wanted)), e.cell)
-        for e in filled.elites()
-        if e.fitness >= 5
-    ]
+    near = [(float(np.linalg.norm(e.descriptor - wanted)), e.cell) for e in filled.elites()]
     expected = [cell for distance, cell in sorted(near) if distance <= 0.3][:4]
-    cells, _ = filled.nearest(wanted, k=4, max_distance=0.3, min_fitness=5)
+    cells, _ = filled.nearest(wanted, k=4, max_distance=0.3)
     assert cells.tolist() == expected
 
 
-@pytest.mark.parametrize(
-    "limits", [{"k": 0}, {"max_distance": math.nan}, {"min_fitness": math.nan}]
-)
+@pytest.mark.parametrize("limits", [{"k": 0}, {"max_distance": math.nan}])
 def test_invalid_limits_are_refused(filled: Archive, limits: dict) -> None:
     with pytest.raises(ArchiveError, match="ask for at least one"):
         filled.nearest([0.5, 0.5], **limits)

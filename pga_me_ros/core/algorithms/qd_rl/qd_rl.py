@@ -68,7 +68,7 @@ class QdRl(Algorithm):
             ArchiveError: The archive is empty.
             RequestError: `each` is not 1, or a place is beyond the batch.
         """
-        b = settings.batch_size
+        b = settings.batch_size - settings.extracted
         if each != 1 or first + count > b:
             raise RequestError(
                 f"{each} parents each were requested for places {first} to {first + count - 1}; in {self.name}, "
