@@ -1,4 +1,4 @@
-"""The house rules: which way dependencies point, how long files are, and that the docs name only what exists."""
+"""The rules of the source: which way dependencies point, how long files are, and that docs name only what exists."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ LONGEST = 330
 """Maximum lines of a source file; the aim is about 300."""
 
 ROOTS = {"errors", "arrays", "arguments", "dependencies", "paths", "yaml_files"}
-"""Files at the top of the package that every room may import; they import no room."""
+"""Files at the top of the package that every package may import; they import none."""
 
 FACE = {"library"}
-"""The module for Python users; it may import everything, and no room imports it."""
+"""The module for Python users; it may import everything, and no package imports it."""
 
 MAY_IMPORT = {
     "tasks": set(),
@@ -101,9 +101,9 @@ MAY_IMPORT = {
     "replay": {"core*", "process", "recording", "ros", "tasks"},
     "experiment": {"core*", "process", "reevaluate", "ros", "tasks"},
 }
-"""What each room may import besides itself; ``core*`` means every room of core. docs/design.md says why."""
+"""What each package may import besides itself; ``core*`` means every package of core. docs/design.md says why."""
 
-ROS_ROOMS = {
+ROS_PACKAGES = {
     "adapt_demo",
     "adapting",
     "ros",
@@ -132,7 +132,7 @@ TORCH = {
     "export",
     "replay",
 }
-"""Rooms and files that may import torch directly; everything else stays light."""
+"""Packages and files that may import torch directly; everything else stays light."""
 
 PYBULLET = {"tasks/bullet", "tasks/body", "player", "render", "reevaluate"}
 
@@ -140,7 +140,7 @@ ONLY_DATA_OF_TASKS = {"protocol", "rollout", "spec"}
 """What core may know about tasks: what a task and an episode are, but not which tasks exist."""
 
 IN_CORE = {"search", "plan", "evaluation", "batch", "snapshot", "operators", "rng", "__init__"}
-"""The files of core outside its rooms: the algorithm itself."""
+"""The files of core outside its packages: the algorithm itself."""
 
 NODES = {
     "adapter",
@@ -186,8 +186,8 @@ def imports(path: Path) -> set[str]:
     return {n if n in MODULES else n.rpartition(".")[0] for n in own} - {module(path), ""}
 
 
-def room(where: str) -> str:
-    """Return the room of a module: its folder, as deep as `MAY_IMPORT` goes."""
+def package_of(where: str) -> str:
+    """Return the package of a module: its folder, as deep as `MAY_IMPORT` goes."""
     parts = name(MODULES[where]).split("/")[:-1]
     return next((r for n in (2, 1) if (r := "/".join(parts[:n])) in MAY_IMPORT), "/".join(parts))
 
@@ -205,19 +205,19 @@ def test_dependencies_point_one_way(own):
     wrong = {
         (m, other)
         for m, path in MODULES.items()
-        if m not in ROOTS | FACE and room(m) == own
+        if m not in ROOTS | FACE and package_of(m) == own
         for other in imports(path) - ROOTS
-        if room(other) not in allowed
+        if package_of(other) not in allowed
     }
     assert wrong == set()
 
 
 def test_every_folder_of_the_package_has_its_rule():
-    assert {room(m) for m in MODULES if "/" in name(MODULES[m])} == set(MAY_IMPORT)
+    assert {package_of(m) for m in MODULES if "/" in name(MODULES[m])} == set(MAY_IMPORT)
     assert {m for m in MODULES if "/" not in name(MODULES[m])} == ROOTS | FACE
 
 
-def test_the_files_at_the_top_import_no_room():
+def test_the_files_at_the_top_import_no_package():
     assert all(imports(MODULES[m]) <= ROOTS for m in ROOTS)
 
 
@@ -240,7 +240,7 @@ def test_core_imports_no_particular_task():
     assert wrong == set()
 
 
-def test_core_has_only_the_files_of_the_algorithm_outside_its_rooms():
+def test_core_has_only_the_files_of_the_algorithm_outside_its_packages():
     assert {path.stem for path in (ROOT / PACKAGE / "core").glob("*.py")} == IN_CORE
 
 
@@ -251,7 +251,7 @@ def test_nodes_contains_only_the_nodes():
 @pytest.mark.parametrize(
     ("packages", "allowed"),
     [
-        (("rclpy", "pga_me_msgs", "std_msgs", "sensor_msgs"), ROS_ROOMS),
+        (("rclpy", "pga_me_msgs", "std_msgs", "sensor_msgs"), ROS_PACKAGES),
         (("torch",), TORCH),
         (("pybullet",), PYBULLET),
     ],

@@ -1,4 +1,4 @@
-"""Controllers, mappings and messages of the simulated robots, for tests of the hardware room."""
+"""Controllers, mappings and messages of the simulated robots, for tests of the package hardware."""
 
 from __future__ import annotations
 
