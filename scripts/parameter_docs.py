@@ -34,7 +34,8 @@ PAGE = """\
 - Later arguments override earlier ones, so `-p` goes after `--params-file`. Keep to one section, `/**`, per
   file: with several, ROS 2 goes by the order in which it met their names, and a `-p` may lose to the file.
 - One file serves all nodes: each takes its own parameters and ignores those of others. An unknown name,
-  a value of the wrong type or out of its range ends the node with one line and exit code 2.
+  by `-p` also that of another node's parameter, a value of the wrong type or out of its range ends the node with one
+  line and exit code 2.
 - Whole numbers may be written as `1e6`, and numbers with a fraction without one, as `1`.
 - Parameters with "yes" under "set while running" are rates: `ros2 param set /orchestrator n_evo 80` takes effect with
   the next generation and is recorded with it. The others are read-only.

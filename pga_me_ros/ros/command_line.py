@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -23,6 +23,7 @@ from pga_me_ros.ros.environment import prepare_environment
 from pga_me_ros.ros.memory import set_malloc_limits
 from pga_me_ros.ros.node_names import EXPECTED, RENAMES_NODE, require_valid_name
 from pga_me_ros.ros.parameter_help import parameter_list
+from pga_me_ros.ros.parameters import is_ros_own
 from pga_me_ros.ros.params_file import entries, matches
 
 HELP = ("-h", "--help")
@@ -68,7 +69,7 @@ def start(program: Program, args: Sequence[str] | None = None, **options: Any) -
         SettingsError: An argument, a params file or the environment is invalid.
     """
     args = list(sys.argv[1:] if args is None else args)
-    if any(word in HELP for word in args):
+    if program.parameters and any(word in HELP for word in args):  # others have a help of options
         tell(program.help(), end="")
         return False
     for i, (flag, value) in enumerate(pairwise(args), start=1):
@@ -95,7 +96,7 @@ def check(program: Program, args: Sequence[str]) -> None:
     """Refuse arguments that ROS 2 would ignore or report in terms of its source code.
 
     Raises:
-        SettingsError: An argument is not a ROS argument, or a params file is invalid.
+        SettingsError: An argument is no ROS argument, the program has no such parameter, or a params file is invalid.
     """
     unknown = _outside_ros_args(args)
     if unknown:
@@ -110,6 +111,7 @@ def check(program: Program, args: Sequence[str]) -> None:
     node = node_name(program, args)
     for flag, value in pairwise(args):
         if flag == "--params-file":
+            _require_parameters(program, f"{flag} {value}")
             found = entries(Path(value))
             if not any(matches(section, node) for section, _ in found):
                 only = ", ".join(section for section, _ in found)
@@ -121,8 +123,11 @@ def check(program: Program, args: Sequence[str]) -> None:
                 if matches(section, node):
                     _refuse_empty_lists(values)
         elif flag in PARAM:
-            name, _, text = value.rpartition(":=")
-            _refuse_empty_lists({name.rpartition(":")[2]: _yaml(text)})
+            name, is_given, text = value.partition(":=")
+            name = name.rpartition(":")[2]
+            if is_given and not is_ros_own(name):  # rcl will report what else it may be
+                _require_known(program, name, f"{flag} {value}")
+            _refuse_empty_lists({name: _yaml(text)})
 
 
 def node_name(program: Program, args: Sequence[str]) -> str:
@@ -144,6 +149,31 @@ def remappings(args: Sequence[str]) -> list[str]:
         if flag in REMAP and not re.fullmatch(RENAMES_NODE, rule):
             found += [flag, rule]
     return found
+
+
+def _require_known(program: Program, name: str, given: str) -> None:
+    """Refuse a parameter that a command line gives to a node that has none of that name.
+
+    A params file may hold those of other nodes, too.
+
+    Raises:
+        SettingsError: The program has no such parameter.
+    """
+    _require_parameters(program, given)
+    known = [f.name for kind in program.parameters for f in fields(kind)]
+    if name not in known:
+        raise SettingsError(
+            f"Unknown parameter '{name}'{nearest_name(name, known)}; --help lists those of '{program.name}', "
+            "docs/parameters.md all. One of another node has its place there, or in a params file."
+        )
+
+
+def _require_parameters(program: Program, given: str) -> None:
+    if not program.parameters:
+        raise SettingsError(
+            f"'{given}' has no effect: {program.name} has no parameters; leave it out. {program.name} --help lists its "
+            "options."
+        )
 
 
 def _refuse_empty_lists(values: Mapping[str, Any]) -> None:

@@ -57,7 +57,7 @@ def _checked(
     """Undeclare the parameters that a node was given; return fields and checked values by name, see `declare`."""
     # rclpy annotates this with the types of values, but returns parameters.
     parameters = cast(Mapping[str, Parameter], node.get_parameters_by_prefix(""))
-    given = {n: p.value for n, p in parameters.items() if not _own(n)}
+    given = {n: p.value for n, p in parameters.items() if not is_ros_own(n)}
     known = {f.name: f for kind in kinds for f in fields(kind)}
     others = {f.name for kind in shared for f in fields(kind)}
     for name in given:
@@ -152,17 +152,18 @@ def on_change(
 
     def checked(parameters: Iterable[Parameter]) -> SetParametersResult:
         try:
-            check({p.name: p.value for p in parameters if not _own(p.name)})
+            check({p.name: p.value for p in parameters if not is_ros_own(p.name)})
         except PgaError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
 
     def applied(parameters: Iterable[Parameter]) -> None:
-        apply({p.name: p.value for p in parameters if not _own(p.name)})
+        apply({p.name: p.value for p in parameters if not is_ros_own(p.name)})
 
     node.add_on_set_parameters_callback(checked)
     node.add_post_set_parameters_callback(applied)
 
 
-def _own(name: str) -> bool:
+def is_ros_own(name: str) -> bool:
+    """Whether a parameter is one that every node has, which ROS 2 itself reads."""
     return name in ROS_OWN or name.startswith("qos_overrides.")

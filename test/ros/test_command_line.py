@@ -11,6 +11,8 @@ from rclpy.context import Context
 
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.errors import SettingsError
+from pga_me_ros.player.settings import PlayerSettings
+from pga_me_ros.ros.choice import ChoiceSettings
 from pga_me_ros.ros.command_line import Program, check, node_name, remappings, start
 from pga_me_ros.ros.options import RunOptions
 from pga_me_ros.ros.parameter_help import parameter_list, parameter_table
@@ -19,6 +21,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "scripts"))
 from parameter_docs import page
 
 PROGRAM = Program("orchestrator", "Leads.", (Settings, RunOptions))
+PLAYER = Program("behavior_player", "Plays.", (ChoiceSettings, PlayerSettings))
+ASKER = Program("query", "Asks.", ())
 
 
 @pytest.mark.parametrize(
@@ -36,9 +40,48 @@ def test_other_than_ros_arguments_are_refused(arguments: str, words: str) -> Non
         check(PROGRAM, arguments.split())
 
 
-@pytest.mark.parametrize("arguments", ["", "--ros-args", "--ros-args -p task:=qd_ant -r a:=b --"])
-def test_ros_arguments_are_accepted(arguments: str) -> None:
-    check(PROGRAM, arguments.split())
+@pytest.mark.parametrize(
+    ("program", "given", "words"),
+    [
+        (ASKER, "-p rate:=100", "'-p rate:=100' has no effect: query has no parameters; leave"),
+        (ASKER, "--param query:rate:=100", "query has no parameters"),
+        (ASKER, "--params-file any.yaml", "'--params-file any.yaml' has no effect"),
+        (PLAYER, "-p run_dir:=a -p seed:=7", r"^Unknown parameter 'seed'.*'behavior_player'"),
+        (PLAYER, "-p randomization:=a:=b", "Unknown parameter 'randomization'"),
+        (PROGRAM, "-p sead:=7", r"Unknown parameter 'sead' \(did you mean 'seed'\?\)"),
+    ],
+)
+def test_parameters_that_the_program_does_not_have_are_refused(
+    program: Program, given: str, words: str
+) -> None:
+    with pytest.raises(SettingsError, match=words):
+        check(program, ["--ros-args", *given.split()])
+
+
+def test_a_program_without_parameters_has_no_help_of_them() -> None:
+    with pytest.raises(SettingsError, match="Unknown ROS argument '--help'"):
+        start(ASKER, ["--ros-args", "--help"])
+
+
+@pytest.mark.parametrize(
+    ("program", "arguments"),
+    [
+        (PROGRAM, ""),
+        (PROGRAM, "--ros-args"),
+        (PROGRAM, "--ros-args -p task:=qd_ant -r a:=b --"),
+        (PROGRAM, "--ros-args -p task"),  # which rcl refuses
+        (PLAYER, "--ros-args -p behavior_player:speed:=2.0"),
+        (ASKER, "--ros-args -r __ns:=/a -p use_sim_time:=true -p qos_overrides./a.depth:=1"),
+    ],
+)
+def test_ros_arguments_are_accepted(program: Program, arguments: str) -> None:
+    check(program, arguments.split())
+
+
+def test_a_params_file_may_hold_parameters_of_other_nodes(tmp_path: Path) -> None:
+    path = tmp_path / "p.yaml"
+    path.write_text("/**: {ros__parameters: {seed: 1}}\n")
+    check(PLAYER, ["--ros-args", "--params-file", str(path)])
 
 
 @pytest.mark.parametrize(
