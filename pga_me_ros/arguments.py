@@ -1,14 +1,29 @@
-"""Numbers that callers of Python functions give: checked, so that a mistake is named and nothing is cut off."""
+"""Numbers that users give: checked, so that a mistake is named and nothing is cut off."""
 
 from __future__ import annotations
 
+import argparse
 import math
+import re
 from collections.abc import Iterable
 from typing import Any
 
 from pga_me_ros.errors import RequestError
 
 INT64_MAX = 2**63 - 1
+
+_NEGATIVE = re.compile(r"-((\d+\.?\d*|\.\d+)(e[+-]?\d+)?|inf|infinity|nan)$", re.IGNORECASE)
+
+
+class ArgumentParser(argparse.ArgumentParser):
+    """A parser of command lines that takes -1e-3 and -inf for numbers, not for options.
+
+    Python's own knows only negative numbers such as -1 and -0.001.
+    """
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__(**options)
+        self._negative_number_matcher = _NEGATIVE
 
 
 def number(name: str, value: Any) -> float:

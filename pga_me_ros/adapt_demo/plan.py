@@ -8,6 +8,7 @@ import shlex
 from collections.abc import Sequence
 from pathlib import Path
 
+from pga_me_ros.arguments import ArgumentParser
 from pga_me_ros.core.adaptation.adaptation_settings import AdaptationSettings
 from pga_me_ros.core.archive.worlds import Worlds
 from pga_me_ros.core.settings.field import checked_value
@@ -131,8 +132,8 @@ def unwritable(out: Path, error: OSError) -> StorageError:
     return StorageError(f"'{out}' cannot be written ({error.strerror}); give --out another name.")
 
 
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+def _parser() -> ArgumentParser:
+    parser = ArgumentParser(
         prog="adapt_demo",
         description="A robot is damaged, tries a few gaits of its repertoire, and walks again.",
     )

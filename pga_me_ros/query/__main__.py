@@ -11,6 +11,7 @@ from typing import Any
 import rclpy
 from rclpy.signals import SignalHandlerOptions
 
+from pga_me_ros.arguments import ArgumentParser
 from pga_me_ros.client import Behavior, FoundBehavior, RepertoireClient, RepertoireInfo
 from pga_me_ros.errors import RequestError
 from pga_me_ros.paths import user_path
@@ -125,8 +126,8 @@ def _require_sense(options: argparse.Namespace) -> None:
         raise RequestError("--save writes one behavior; leave out -k, or choose one by --cell.")
 
 
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+def _parser() -> ArgumentParser:
+    parser = ArgumentParser(
         prog="query",
         description="Ask the repertoire that a run or an archive_manager serves for behaviors, and print them as a "
         f"short table. ROS arguments follow after {ROS_ARGS}, for example -r __ns:=/left.",

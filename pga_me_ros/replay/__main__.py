@@ -11,6 +11,7 @@ from typing import Any
 
 import yaml
 
+from pga_me_ros.arguments import ArgumentParser
 from pga_me_ros.core.algorithms import ALGORITHMS, algorithm_of
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.core.settings.rules import CRITICS
@@ -173,8 +174,8 @@ def _require_sound(recorded: RecordedRun, settings: Settings, options: argparse.
         print(f"note: {lost}", file=sys.stderr)
 
 
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+def _parser() -> ArgumentParser:
+    parser = ArgumentParser(
         prog="replay",
         description="Use a recording of a run's experience: train critics on it, restore experience files that the run "
         "has lost, or publish its messages again.",
