@@ -22,6 +22,8 @@ CREATE TABLE IF NOT EXISTS trial (
     uncertainty REAL NOT NULL, achieved REAL, given_up INTEGER NOT NULL, PRIMARY KEY (adaptation, number));
 """
 
+_TABLES = {"adaptation", "trial"}
+
 NO_MINIMUM = -1e308
 """A least fitness that is none: what `adapt/start` has by default."""
 
@@ -73,16 +75,33 @@ class Memory:
         path: The file; it is made if it is not there.
 
     Raises:
-        StorageError: It cannot be opened or is no such file.
+        StorageError: It cannot be opened or is no such file; it is then left as it is.
     """
 
     def __init__(self, path: Path) -> None:
         self._path = path
         try:
             self._file = sqlite3.connect(path, timeout=_BUSY)
+            self._require_own()
             self._file.executescript(_SCHEMA)
         except sqlite3.Error as error:
             raise self._failure("opened", error) from error
+
+    def _require_own(self) -> None:
+        """Make sure that the file is empty or a memory.
+
+        Raises:
+            StorageError: It has other tables.
+        """
+        rows = self._file.execute(
+            "SELECT name FROM sqlite_master WHERE type = 'table' AND name NOT LIKE 'sqlite%'"
+        )
+        if others := sorted({name for (name,) in rows} - _TABLES):
+            self._file.close()
+            raise StorageError(
+                f"'{self._path}' is no memory of an adapter: it is a SQLite file with {', '.join(others[:3])}; name a "
+                "memory, or a new file, by -p memory:=FILE."
+            )
 
     def last(self) -> tuple[Undertaking, list[Trial]] | None:
         """Return the adaptation that was started last, with its trials; None if there was none.
