@@ -79,8 +79,12 @@ class RepertoireServices:
         Args:
             name: Name of the repertoire.
         """
-        measured = self._known.measures(self.archive, self.metrics.generation, growing=False)
         behaviors = f"serves '{name}': {len(self.archive)} behaviors of {self._spec.name}"
+        try:
+            self._known.of(self.archive, self.metrics.generation)
+        except StorageError as error:
+            return f"{behaviors}; what they are worth on average is unknown: {error}"
+        measured = self._known.measures(self.archive, self.metrics.generation, growing=False)
         if measured is None:
             return f"{behaviors}; not all were re-evaluated, so what they are worth on average is unknown"
         return f"{behaviors}; re-evaluated {measured.repeats} times or more, {100.0 * measured.fall_share:.1f} % falls"
@@ -161,8 +165,12 @@ class RepertoireServices:
         try:
             known = self._known.of(self.archive, self.metrics.generation)
         except StorageError as error:
-            if demands.judging is Judging.MEAN or demands.limits_falls:
-                raise RequestError(f"by_mean cannot be answered: {error}") from None
+            asked = {
+                "by_mean": demands.judging is Judging.MEAN,
+                "max_fall_share": demands.limits_falls,
+            }
+            if demanded := " and ".join(name for name, is_asked in asked.items() if is_asked):
+                raise RequestError(f"{demanded} cannot be answered: {error}") from None
             # Behaviors can be served without the re-evaluations.
             self._node.get_logger().warning(str(error), once=True)
             known = Statistics.none(self.archive.cells, self.archive.dimensions)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import signal
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
@@ -198,13 +199,37 @@ def test_without_re_evaluations_by_mean_is_refused(repertoire: Served) -> None:
     assert (listed.ok, listed.total, listed.message) == (True, 0, response.message)
 
 
+@pytest.mark.parametrize(
+    ("asked", "named"),
+    [
+        ({"by_mean": True}, "by_mean"),
+        ({"max_fall_share": 0.1}, "max_fall_share"),
+        ({"by_mean": True, "max_fall_share": 0.1}, "by_mean and max_fall_share"),
+    ],
+)
 def test_foreign_re_evaluations_do_not_affect_other_requests(
-    repertoire: Served, rows: Reevaluations
+    repertoire: Served, rows: Reevaluations, asked: dict[str, Any], named: str
 ) -> None:
     replace(rows, run_id="another").save(repertoire.path)
-    refused = ask(repertoire, select=ASK.BEST, by_mean=True)
+    refused = ask(repertoire, select=ASK.BEST, **asked)
     assert (refused.found, "is of run another" in refused.message) == (False, True)
+    assert refused.message.startswith(f"{named} cannot be answered: ")
     assert ask(repertoire, select=ASK.BEST).behavior.repeats == 0
+
+
+def test_a_manager_says_at_its_start_that_the_re_evaluations_are_damaged(
+    repertoire: Served,
+) -> None:
+    file = repertoire.path.with_name(FILE)
+    file.write_text("no arrays")
+    try:
+        values = {"repertoire": repertoire.path}
+        manager = repertoire.graph.start("archive_manager", values, "-r", "__ns:=/damaged")
+        manager.wait_for_output(f"what they are worth on average is unknown: '{file}' is damaged")
+        manager.signal(signal.SIGINT)
+        assert manager.wait() == 0
+    finally:
+        file.unlink()
 
 
 def test_the_mean_counts_where_there_is_one_and_the_answer_says_so(
