@@ -110,7 +110,7 @@ def test_params_files_may_begin_with_a_tilde(home: Path) -> None:
     (home / "mine.yaml").write_text("/other: {ros__parameters: {seed: 1}}\n")
     assert find_config("~/mine.yaml") == home / "mine.yaml"
     with pytest.raises(SettingsError, match=f"{home}/mine.yaml' has nothing for node '/x'"):
-        start(Program("x", "", ()), ["--ros-args", "--params-file", "~/mine.yaml"])
+        start(Program("x", "", (Settings,)), ["--ros-args", "--params-file", "~/mine.yaml"])
 
 
 def test_a_home_folder_that_does_not_exist_is_named(home: Path) -> None:
