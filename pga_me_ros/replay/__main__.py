@@ -6,7 +6,7 @@ import argparse
 import contextlib
 import sys
 from collections.abc import Sequence
-from dataclasses import fields
+from dataclasses import Field, fields
 from typing import Any
 
 import yaml
@@ -33,6 +33,22 @@ OF_NETWORKS = ("task", "seed", "controller_hidden")
 TIMING = ("schedule", "critic_start")
 """Settings of critics that decide when they are trained, which do not apply to a recording."""
 
+STEPS = 3000
+"""Default number of training steps."""
+
+RATE = 1.0
+"""Default speed of publishing, relative to the recording."""
+
+WAIT = 5.0
+"""Default seconds to wait for a subscriber."""
+
+USES = {
+    "--out": ("steps", "task", "like", "set", "run_id", "incomplete"),
+    "--into": (),
+    "--publish": ("rate", "wait"),
+}
+"""What can be done with a recording, and the options of each; what is not given is None."""
+
 
 def main(args: Sequence[str] | None = None) -> int:
     """Process a recording as the command line says, and print what was done.
@@ -48,14 +64,38 @@ def main(args: Sequence[str] | None = None) -> int:
     options = _parser().parse_args(given[:cut])
 
     def work() -> None:
+        _require_use(options, given[cut:])
         if options.publish:
-            print(publish(options.bag, options.rate, options.wait, given[cut:]))
+            rate = RATE if options.rate is None else options.rate
+            wait = WAIT if options.wait is None else options.wait
+            print(publish(options.bag, rate, wait, given[cut:]))
         elif options.into:
             print(restore_experience(options.bag, options.into))
         else:
             print(train(options))
 
     return run_program(work)
+
+
+def _require_use(options: argparse.Namespace, ros_args: Sequence[str]) -> None:
+    """Refuse options for something else than what is to be done.
+
+    Raises:
+        RequestError: There is one.
+    """
+    use = "--publish" if options.publish else "--into" if options.into else "--out"
+    useless = {
+        f"--{name.replace('_', '-')}": other
+        for other, names in USES.items()
+        for name in names
+        if other != use and getattr(options, name) is not None
+    }
+    if ros_args and use != "--publish":
+        useless[" ".join(ros_args)] = "--publish"
+    for name, other in useless.items():
+        raise RequestError(
+            f"'{name}' has a meaning only with {other}, not with {use}; leave it out."
+        )
 
 
 def train(options: argparse.Namespace) -> str:
@@ -67,7 +107,7 @@ def train(options: argparse.Namespace) -> str:
     Raises:
         PgaError: The recording or a setting is invalid.
     """
-    recorded = recorded_run(options.bag, options.run_id)
+    recorded = recorded_run(options.bag, options.run_id or "")
     settings = _settings(options, recorded)
     _require_sound(recorded, settings, options)
     spec = task_spec(settings.task)
@@ -91,8 +131,10 @@ def _settings(options: argparse.Namespace, recorded: RecordedRun) -> Settings:
         SettingsError: A value is invalid.
         StorageError: The run cannot be read.
     """
-    changes: dict[str, Any] = dict(_assignment(text) for text in options.set)
-    if options.task:
+    changes = _changes(options.set or ())
+    if options.task is not None:
+        if "task" in changes:
+            raise SettingsError("--task and --set task are both given; leave one of them out.")
         changes["task"] = options.task
     base: dict[str, Any] = {"task": recorded.task}
     if options.like:
@@ -100,11 +142,10 @@ def _settings(options: argparse.Namespace, recorded: RecordedRun) -> Settings:
     algorithm = ALGORITHMS.get(str(changes.get("algorithm")))
     if algorithm and not algorithm.learns_critics:
         raise SettingsError(f"{algorithm.name} learns no critics; remove --set algorithm.")
-    if options.steps < 1:  # for n_crit, 0 stands for the algorithm's own number
-        raise SettingsError(
-            f"--steps is {options.steps}; give n_crit, the steps to train, 1 or more."
-        )
-    settings = Settings.from_mapping({**base, **changes, "n_crit": options.steps})
+    steps = STEPS if options.steps is None else options.steps
+    if steps < 1:  # for n_crit, 0 stands for the algorithm's own number
+        raise SettingsError(f"--steps is {steps}; give n_crit, the steps to train, 1 or more.")
+    settings = Settings.from_mapping({**base, **changes, "n_crit": steps})
     if settings.greedy_init != "random":
         raise SettingsError(
             f"greedy_init is '{settings.greedy_init}', but a recording has no archive; add --set greedy_init=random."
@@ -121,15 +162,37 @@ def _of_critics(like: Settings) -> dict[str, Any]:
     algorithm = algorithm_of(like)
     if not algorithm.learns_critics:
         raise SettingsError(f"{like.algorithm} learns no critics; remove --like.")
-    parts, names = set(CRITICS), set(OF_NETWORKS)
+    names, parts = [*OF_NETWORKS], [*CRITICS]
     if algorithm.conditioned:  # its critics take other inputs and rewards
-        parts.add(algorithm.name)
-        names.add("algorithm")
-    return {
-        f.name: getattr(like, f.name)
-        for f in fields(Settings)
-        if f.name in names or (f.metadata["part"] in parts and f.name not in TIMING)
-    }
+        names.append("algorithm")
+        parts.append(algorithm.name)
+    return {f.name: getattr(like, f.name) for f in fields(Settings) if _counts(f, names, parts)}
+
+
+def _counts(f: Field[Any], names: Sequence[str], parts: Sequence[str]) -> bool:
+    return f.name in names or (f.metadata["part"] in parts and f.name not in TIMING)
+
+
+def _changes(texts: Sequence[str]) -> dict[str, Any]:
+    """Return the settings that ``--set`` gives, by name.
+
+    Raises:
+        SettingsError: One has no value, is given twice, or has no effect on the training.
+    """
+    changes: dict[str, Any] = {}
+    names, parts = (*OF_NETWORKS, "algorithm"), (*CRITICS, *ALGORITHMS)
+    useless = {f.name for f in fields(Settings) if not _counts(f, names, parts)}
+    for name, value in map(_assignment, texts):
+        if name in changes:
+            raise SettingsError(f"--set {name} is given twice; leave one of them out.")
+        if name == "n_crit":
+            raise SettingsError("--set n_crit is the number of steps; give it by --steps.")
+        if name in useless:
+            raise SettingsError(
+                f"--set {name} has no effect on the training of critics on a recording; leave it out."
+            )
+        changes[name] = value
+    return changes
 
 
 def _assignment(text: str) -> tuple[str, Any]:
@@ -195,8 +258,8 @@ def _parser() -> ArgumentParser:
         "--publish", action="store_true", help=f"publish; ROS arguments follow after {ROS_ARGS}"
     )
     training = parser.add_argument_group("training")
-    training.add_argument("--steps", type=int, default=3000, metavar="N", help="(3000)")
-    training.add_argument("--task", default="", help="refuse a recording of any other task")
+    training.add_argument("--steps", type=int, metavar="N", help=f"({STEPS})")
+    training.add_argument("--task", help="refuse a recording of any other task")
     training.add_argument(
         "--like",
         type=user_path,
@@ -204,27 +267,26 @@ def _parser() -> ArgumentParser:
         help="use the settings of this run instead of the defaults",
     )
     training.add_argument(
-        "--set", action="append", default=[], metavar="NAME=VALUE", help="a setting, such as seed=3"
+        "--set", action="append", metavar="NAME=VALUE", help="a setting, such as seed=3"
     )
+    training.add_argument("--run-id", metavar="ID", help="which run, if there are several")
     training.add_argument(
-        "--run-id", default="", metavar="ID", help="which run, if there are several"
-    )
-    training.add_argument(
-        "--incomplete", action="store_true", help="train even if episodes are missing"
+        "--incomplete",
+        action="store_true",
+        default=None,
+        help="train even if episodes are missing",
     )
     publishing = parser.add_argument_group("publishing")
     publishing.add_argument(
         "--rate",
         type=float,
-        default=1.0,
-        help="speed relative to the recording; 0: without pauses (1)",
+        help=f"speed relative to the recording; 0: without pauses ({RATE:g})",
     )
     publishing.add_argument(
         "--wait",
         type=float,
-        default=5.0,
         metavar="SECONDS",
-        help="how long to wait for a subscriber (5)",
+        help=f"how long to wait for a subscriber ({WAIT:g})",
     )
     return parser
 

@@ -29,16 +29,22 @@ def restore_experience(bag: Path, run: Path) -> str:
 
     Args:
         bag: Recording of that run.
-        run: Its folder.
+        run: Its folder or repertoire file.
 
     Returns:
         What was done, as text.
 
     Raises:
         StorageError: The run cannot be read or is in use, or the recording is damaged or of another run.
-        RequestError: The recording lacks episodes that the run has lost.
+        RequestError: The recording lacks episodes that the run has lost, or the run cannot be continued.
     """
     stored = StoredRun.load(run, elites=False)
+    if stored.generations and stored.is_thinned:
+        raise RequestError(
+            f"'{run}' is a thinned repertoire, which cannot be continued and needs no experience; give the folder of "
+            "the run that was recorded."
+        )
+    run = stored.file.parent
     info, settings = stored.info, stored.settings
     steps = [metrics.steps for metrics in stored.metrics]
     lost = _lost(run, settings, steps)

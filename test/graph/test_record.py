@@ -126,8 +126,9 @@ def test_metrics_of_every_generation_are_recorded(recorded: Recorded) -> None:
             )
 
 
+@pytest.mark.parametrize("named", ["", REPERTOIRE])
 def test_lost_experience_is_restored_byte_for_byte(
-    recorded: Recorded, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    recorded: Recorded, tmp_path: Path, capsys: pytest.CaptureFixture[str], named: str
 ) -> None:
     run = shutil.copytree(recorded.run, tmp_path / "run")
     files = sorted((run / "experience").iterdir())
@@ -135,10 +136,10 @@ def test_lost_experience_is_restored_byte_for_byte(
     assert len(files) == GENERATIONS
     for file in files:
         file.unlink()
-    assert main([str(recorded.bag), "--into", str(run)]) == 0
+    assert main([str(recorded.bag), "--into", str(run / named)]) == 0
     assert "restored the experience of 2 generations" in capsys.readouterr().out
     assert [file.read_bytes() for file in files] == before
-    assert main([str(recorded.bag), "--into", str(run)]) == 0
+    assert main([str(recorded.bag), "--into", str(run / named)]) == 0
     assert "has all the experience that it needs" in capsys.readouterr().out
 
 

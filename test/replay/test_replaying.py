@@ -31,6 +31,7 @@ SMALL = {
 OPTIONS = [
     word
     for name, value in SMALL.items()
+    if name != "task"  # which is that of the recording
     for word in ("--set", f"{name}={list(value) if isinstance(value, tuple) else value}")
 ]
 STEPS = 15
@@ -74,7 +75,7 @@ def test_critics_equal_those_of_a_learner_with_the_same_episodes(bag: Path, tmp_
     state = replayed(bag, tmp_path / "one")
     assert same(state, learned(settings))
     assert same(state, replayed(bag, tmp_path / "two"))
-    assert not same(state, replayed(bag, tmp_path / "three", "--set", "seed=4"))
+    assert not same(state, replayed(bag, tmp_path / "three", "--set", "discount=0.9"))
     written = {p.name: p.read_bytes() for p in (tmp_path / "one").iterdir()}
     assert written == {p.name: p.read_bytes() for p in (tmp_path / "two").iterdir()}
 
@@ -198,6 +199,15 @@ def not_finite(k: int) -> bytes:
         ([transitions(0)], ["--set", "greedy_init=best"], "add --set greedy_init=random"),
         ([transitions(0)], ["--set", "algorithm=map_elites_es"], "map_elites_es learns no critics"),
         ([transitions(0)], ["--set", "algorithm=map_elites"], "map_elites learns no critics"),
+        ([transitions(0)], ["--set", "n_crit=7"], "the number of steps; give it by --steps"),
+        ([transitions(0)], ["--set", "discount=1", "--set", "discount=0.9"], "discount is given"),
+        (
+            [transitions(0)],
+            ["--task", "a", "--set", "task=b"],
+            "--task and --set task are both given",
+        ),
+        ([transitions(0)], ["--set", "cells=9"], "--set cells has no effect on the training"),
+        ([transitions(0)], ["--set", "schedule=ahead"], "--set schedule has no effect"),
     ],
 )
 def test_unusable_recordings_and_options_are_reported_in_one_line(
@@ -218,3 +228,40 @@ def test_a_folder_that_is_not_empty_is_refused(
     assert main([str(bag), "--out", str(tmp_path), *OPTIONS]) == 2
     assert "not an empty folder" in capsys.readouterr().err
     assert [path.name for path in tmp_path.iterdir()] == ["mine"]
+
+
+TRAINING = ("--steps 3", "--task a", "--like a", "--set a=3", "--run-id a", "--incomplete")
+PUBLISHING = ("--rate 0", "--wait 1", "--ros-args -r a:=b")
+
+
+@pytest.mark.parametrize(
+    ("use", "given", "other"),
+    [
+        *[("--out out", words, "--publish") for words in PUBLISHING],
+        *[("--into run", words, "--publish") for words in PUBLISHING],
+        *[("--into run", words, "--out") for words in TRAINING],
+        *[("--publish", words, "--out") for words in TRAINING],
+    ],
+)
+def test_options_of_another_use_are_refused(
+    use: str, given: str, other: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["bag", *use.split(), *given.split()]) == 2
+    told = capsys.readouterr().err
+    assert told.startswith(f"error: '{given.split()[0]}")
+    assert f"has a meaning only with {other}, not with {use.split()[0]}; leave it out." in told
+    assert told.count("\n") == 1
+
+
+def test_publishing_takes_no_parameters(bag: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([str(bag), "--publish", "--ros-args", "-p", "rate:=100"]) == 2
+    assert "'-p rate:=100' has no effect: replay has no parameters" in capsys.readouterr().err
+
+
+def test_a_thinned_repertoire_needs_no_experience(
+    bag: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main([str(bag), "--into", "zoo/qd_hopper"]) == 2
+    told = capsys.readouterr().err
+    assert told.startswith("error: 'zoo/qd_hopper' is a thinned repertoire, which cannot be conti")
+    assert told.count("\n") == 1
