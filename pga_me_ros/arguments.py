@@ -45,6 +45,22 @@ def number(name: str, value: Any) -> float:
     return found
 
 
+def share(name: str, value: Any) -> float:
+    """Return a value as a float from 0 to 1.
+
+    Args:
+        name: What it is called, for the message.
+        value: What was given.
+
+    Raises:
+        RequestError: It is not a number from 0 to 1.
+    """
+    found = number(name, value)
+    if not 0.0 <= found <= 1.0:
+        raise RequestError(f"{name} is {value}; give a share from 0 to 1.")
+    return found
+
+
 def whole_number(name: str, value: Any) -> int:
     """Return a value as an integer that a message can hold.
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import shlex
 from collections.abc import Hashable
 from pathlib import Path
 from typing import Any
@@ -23,6 +25,15 @@ class _Loader(yaml.SafeLoader):
                     problem=f"'{key}' is given twice", problem_mark=mark
                 )
         return super().construct_mapping(node, deep)
+
+
+def parameter_word(name: str, text: str) -> str:
+    """Return ``name:=text``, quoted for a shell and for the YAML that ROS 2 reads after ``-p``."""
+    try:
+        plain = yaml.safe_load(text) == text
+    except yaml.YAMLError:
+        plain = False
+    return shlex.quote(f"{name}:={text if plain else json.dumps(text)}")
 
 
 def read_yaml(path: Path, what: str, layout: str) -> Any:

@@ -18,10 +18,10 @@ from pga_me_msgs.srv import GetAdaptation, NextTrial, ReportTrial, StartAdaptati
 from rclpy.client import Client
 from rclpy.node import Node
 
-from pga_me_ros.arguments import number, whole_number
+from pga_me_ros.arguments import number, share, whole_number
 from pga_me_ros.client.behaviors import Behavior
 from pga_me_ros.client.patient_caller import PatientCaller
-from pga_me_ros.client.requests import check_timeout
+from pga_me_ros.client.requests import checked_timeout, in_namespace
 from pga_me_ros.errors import RequestError
 from pga_me_ros.ros import names, qos
 
@@ -58,11 +58,11 @@ class Adapter:
 
     Raises:
         RequestError: The timeout makes no sense.
+        SettingsError: The prefix is no valid namespace.
     """
 
     def __init__(self, node: Node, prefix: str = "", timeout: float = TIMEOUT) -> None:
-        check_timeout(timeout)
-        self._node, self._prefix, self._timeout = node, prefix.rstrip("/"), timeout
+        self._node, self._prefix, self._timeout = node, prefix, checked_timeout(timeout)
         self._caller = PatientCaller(node, "an adapter")
         self._start = self._client(StartAdaptation, names.START_ADAPTATION)
         self._next = self._client(NextTrial, names.NEXT_TRIAL)
@@ -103,7 +103,7 @@ class Adapter:
         if min_fitness is not None:
             start.min_fitness = number("min_fitness", min_fitness)
         if max_fall_share is not None:
-            start.max_fall_share = number("max_fall_share", max_fall_share)
+            start.max_fall_share = share("max_fall_share", max_fall_share)
         made = self._call(self._start, start).trials
         while True:
             answer = self._call(self._next, NextTrial.Request())
@@ -140,7 +140,7 @@ class Adapter:
             self._node.destroy_client(client)
 
     def _client(self, srv_type: Any, name: str) -> Any:
-        full = f"{self._prefix}/{name}" if self._prefix else name
+        full = in_namespace(self._prefix, name)
         return self._node.create_client(
             srv_type, full, qos_profile=qos.CLIENT, callback_group=self._caller.group
         )

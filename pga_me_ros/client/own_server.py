@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import json
 import os
 import tempfile
 from pathlib import Path
@@ -39,8 +40,11 @@ class OwnServer:
         self.prefix = f"/{node.get_name()}_{os.getpid()}_{next(_count)}"
         self._output = tempfile.TemporaryDirectory(prefix="pga_me_ros-")
         arguments = ["--ros-args", "-r", f"__ns:={self.prefix}", "-p"]
+        # JSON is YAML: a path may hold what means something there.
         command = python_module(
-            "pga_me_ros.nodes.archive_manager", *arguments, f"repertoire:={path.resolve()}"
+            "pga_me_ros.nodes.archive_manager",
+            *arguments,
+            f"repertoire:={json.dumps(str(path.resolve()))}",
         )
         self._process = ChildProcess(
             command,

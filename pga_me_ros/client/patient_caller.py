@@ -48,6 +48,7 @@ class PendingCall:
         read: Turns the response into the result, or raises.
         timeout: Seconds until the call fails.
         servers: Which nodes offer the service, in words.
+        check: Raises a `PgaError` once the service cannot come or answer any more; the call then ends with it.
     """
 
     def __init__(
@@ -58,6 +59,7 @@ class PendingCall:
         read: Callable[[Any], Any],
         timeout: float,
         servers: str,
+        check: Callable[[], None],
     ) -> None:
         self._servers = servers
         self.future = Future(executor=node.executor)
@@ -68,6 +70,7 @@ class PendingCall:
         self._client = client
         self._request = request
         self._read = read
+        self._check = check
         self._timeout = timeout
         self._answer: Future | None = None
         self._lock = threading.Lock()
@@ -86,6 +89,10 @@ class PendingCall:
             self._end(lambda: None)
         elif time.monotonic() >= self.deadline:
             self.fail(self._reason())
+        try:
+            self._check()
+        except PgaError as error:
+            self._end(partial(self.future.set_exception, error))
         return self.ended.is_set()
 
     def fail(self, reason: str) -> None:
@@ -146,10 +153,15 @@ class PatientCaller:
         self._timer = node.create_timer(TICK, self._tick, self.group, steady, autostart=False)
 
     def start(
-        self, client: Client, request: Any, read: Callable[[Any], Result], timeout: float
+        self,
+        client: Client,
+        request: Any,
+        read: Callable[[Any], Result],
+        timeout: float,
+        check: Callable[[], None] = lambda: None,
     ) -> PendingCall:
-        """Start a call; its future completes while the node is spun."""
-        call = PendingCall(self._node, client, request, read, timeout, self._servers)
+        """Start a call, with arguments as those of `PendingCall`; its future completes while the node is spun."""
+        call = PendingCall(self._node, client, request, read, timeout, self._servers, check)
         if not call.advance():
             with self._lock:
                 self._pending.append(call)

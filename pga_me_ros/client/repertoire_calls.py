@@ -30,10 +30,12 @@ from pga_me_ros.client.patient_caller import PatientCaller, PendingCall
 from pga_me_ros.client.requests import (
     behavior_request,
     behaviors_request,
-    check_timeout,
+    checked_timeout,
     generations_request,
+    in_namespace,
     list_request,
 )
+from pga_me_ros.errors import RequestError
 from pga_me_ros.ros import names, qos
 
 
@@ -52,6 +54,7 @@ class RepertoireCalls:
         self._prefix = prefix
         self._timeout = timeout
         self._server = server
+        self._closed = False
         self._caller = PatientCaller(node)
         self._behavior = self._client(GetBehavior, names.GET_BEHAVIOR)
         self._behaviors = self._client(GetBehaviors, names.GET_BEHAVIORS)
@@ -108,6 +111,7 @@ class RepertoireCalls:
 
     def close(self) -> None:
         """Destroy the service clients; only while the node is not spun."""
+        self._closed = True
         self._caller.close()
         for client in (
             *(self._behavior, self._behaviors, self._list),
@@ -116,7 +120,7 @@ class RepertoireCalls:
             self._node.destroy_client(client)
 
     def _client(self, srv_type: Any, name: str) -> Client:
-        full = f"{self._prefix.rstrip('/')}/{name}" if self._prefix else name
+        full = in_namespace(self._prefix, name)
         return self._node.create_client(
             srv_type, full, qos_profile=qos.CLIENT, callback_group=self._caller.group
         )
@@ -124,8 +128,18 @@ class RepertoireCalls:
     def _start(
         self, client: Client, request: Any, read: Callable[[Any], Any], timeout: float | None
     ) -> PendingCall:
+        self._require_answerable()
+        seconds = self._timeout if timeout is None else checked_timeout(timeout)
+        return self._caller.start(client, request, read, seconds, self._require_answerable)
+
+    def _require_answerable(self) -> None:
+        """Check that an answer can come.
+
+        Raises:
+            PgaError: The private archive manager has ended.
+            RequestError: The client is closed.
+        """
         if self._server:
             self._server.require_alive()
-        seconds = self._timeout if timeout is None else timeout
-        check_timeout(seconds)
-        return self._caller.start(client, request, read, seconds)
+        if self._closed:
+            raise RequestError("This client is closed; make another one.")

@@ -26,7 +26,7 @@ from pga_me_ros.client.behaviors import (
 from pga_me_ros.client.generations import ListedGeneration
 from pga_me_ros.client.own_server import OwnServer
 from pga_me_ros.client.repertoire_calls import RepertoireCalls
-from pga_me_ros.client.requests import check_timeout
+from pga_me_ros.client.requests import checked_timeout
 from pga_me_ros.errors import RequestError
 
 TIMEOUT = 10.0
@@ -55,6 +55,7 @@ class RepertoireClient:
 
     Raises:
         RequestError: The timeout is invalid, or both a prefix and a repertoire are given.
+        SettingsError: The prefix is no valid namespace.
         StorageError: There is no such repertoire.
     """
 
@@ -66,7 +67,7 @@ class RepertoireClient:
         *,
         repertoire: str | Path = "",
     ) -> None:
-        check_timeout(timeout)
+        timeout = checked_timeout(timeout)
         if repertoire and prefix:
             raise RequestError(
                 f"prefix is '{prefix}', but the repertoire that the client serves has its own namespace; give only one."

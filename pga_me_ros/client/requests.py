@@ -8,8 +8,9 @@ from typing import Any
 
 from pga_me_msgs.srv import GetBehavior, GetBehaviors, ListBehaviors, ListGenerations
 
-from pga_me_ros.arguments import number, numbers, whole_number
+from pga_me_ros.arguments import number, numbers, share, whole_number
 from pga_me_ros.errors import RequestError
+from pga_me_ros.ros.node_names import require_valid_namespace
 
 LEAST_FITNESS = -9.9e307
 """Least value of min_fitness that is sent; the field's default, -1e308, means no limit."""
@@ -115,9 +116,7 @@ def limit(
         # Raised to a bound far below any fitness, so that it is never mistaken for the field's default, no limit.
         request.min_fitness = max(number("min_fitness", min_fitness), LEAST_FITNESS)
     if max_fall_share is not None:
-        request.max_fall_share = number("max_fall_share", max_fall_share)
-        if not 0.0 <= request.max_fall_share <= 1.0:
-            raise RequestError(f"max_fall_share is {max_fall_share}; give a share from 0 to 1.")
+        request.max_fall_share = share("max_fall_share", max_fall_share)
 
 
 def _limit_distance(
@@ -131,11 +130,29 @@ def _limit_distance(
         request.max_distance = float(max_distance)
 
 
-def check_timeout(seconds: float) -> None:
-    """Check that a timeout is positive.
+def checked_timeout(seconds: float) -> float:
+    """Return a timeout as a float.
 
     Raises:
         RequestError: The timeout is not a number above 0.
     """
-    if number("timeout", seconds) <= 0.0:
+    found = number("timeout", seconds)
+    if found <= 0.0:
         raise RequestError(f"timeout is {seconds}; give seconds above 0.")
+    return found
+
+
+def in_namespace(prefix: str, name: str) -> str:
+    """Return the name of a service in a namespace.
+
+    Args:
+        prefix: The namespace; empty, or without a slash at its beginning, for one in that of the node.
+        name: Relative name of the service.
+
+    Raises:
+        SettingsError: ROS 2 does not allow the namespace.
+    """
+    place = prefix.rstrip("/")
+    absolute = f"/{place.removeprefix('~').removeprefix('/')}"
+    require_valid_namespace(absolute, "prefix=")
+    return f"{place}/{name}" if prefix else name

@@ -6,6 +6,7 @@ Start it next to a run or an archive manager: ``python -m pga_me_ros.demo.robot`
 from __future__ import annotations
 
 import os
+import shlex
 import sys
 from collections.abc import Sequence
 from contextlib import suppress
@@ -38,6 +39,7 @@ from pga_me_ros.ros.process import report
 from pga_me_ros.tasks.protocol import Task
 from pga_me_ros.tasks.registry import make_task
 from pga_me_ros.tasks.rollout import Episode, rollout
+from pga_me_ros.yaml_files import parameter_word
 
 OTHER_STARTS = 5
 """Episodes from initial poses that the run has not seen."""
@@ -243,9 +245,10 @@ def _print_next(target: str, wanted: np.ndarray | None) -> None:
         words = " ".join(f"{number:.2f}" for number in wanted)
         which = f"--descriptor {words} --max-fall-share {SELDOM}"
     print("to go on:")
-    print(f"  ros2 run pga_me_ros archive_manager --ros-args -p repertoire:={target}")
+    served = parameter_word("repertoire", target)
+    print(f"  ros2 run pga_me_ros archive_manager --ros-args -p {served}")
     print(f"  ros2 run pga_me_ros query {which}")
-    print(f"  ros2 run pga_me_ros render {target} {which} --seed 1 --out gait.gif")
+    print(f"  ros2 run pga_me_ros render {shlex.quote(target)} {which} --seed 1 --out gait.gif")
 
 
 def _other_starts(

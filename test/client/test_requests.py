@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -10,8 +11,8 @@ import pytest
 
 from pga_me_ros import StoredRun
 from pga_me_ros.arguments import numbers, whole_number
-from pga_me_ros.client.requests import behavior_request, behaviors_request
-from pga_me_ros.errors import ArchiveError, RequestError
+from pga_me_ros.client.requests import behavior_request, behaviors_request, in_namespace
+from pga_me_ros.errors import ArchiveError, RequestError, SettingsError
 
 BAD = [
     ({"cell": 2**70}, "^cell is 1180591620717411303424; give a whole number of at most"),
@@ -45,6 +46,43 @@ def test_a_stored_run_refuses_it_too(hopper_run: Path, wanted: dict[str, Any], w
 def test_a_cell_that_does_not_exist_is_named(hopper_run: Path, cell: int) -> None:
     with pytest.raises(ArchiveError, match=str(cell)):
         StoredRun.load(hopper_run).choose(cell=cell)
+
+
+@pytest.mark.parametrize(
+    ("prefix", "full"),
+    [
+        ("", "repertoire/get_info"),
+        ("/", "/repertoire/get_info"),
+        ("/left", "/left/repertoire/get_info"),
+        ("left/", "left/repertoire/get_info"),
+        ("~", "~/repertoire/get_info"),
+    ],
+)
+def test_a_namespace_may_be_absolute_or_relative(prefix: str, full: str) -> None:
+    assert in_namespace(prefix, "repertoire/get_info") == full
+
+
+@pytest.mark.parametrize("prefix", ["a b", "/left//leg", "7", "/lä"])
+def test_a_namespace_that_ros_does_not_allow_is_refused(prefix: str) -> None:
+    with pytest.raises(SettingsError, match=r"^Namespace .*; expected prefix=/"):
+        in_namespace(prefix, "repertoire/get_info")
+
+
+@pytest.mark.parametrize("share", [5, -0.5, math.inf, math.nan, "5 %"])
+def test_a_share_of_falls_is_from_0_to_1(hopper_run: Path, share: Any) -> None:
+    with pytest.raises(RequestError, match="max_fall_share is"):
+        behavior_request(best=True, max_fall_share=share)
+    if share != math.inf:  # a stored run takes it for any share
+        with pytest.raises(RequestError, match="max_fall_share is"):
+            StoredRun.load(hopper_run).choose(best=True, max_fall_share=share)
+
+
+@pytest.mark.parametrize("number", [1e155, -1e300])
+def test_a_descriptor_at_an_immeasurable_distance_is_refused(
+    hopper_run: Path, number: float
+) -> None:
+    with pytest.raises(ArchiveError, match="too far away for a distance; give numbers"):
+        StoredRun.load(hopper_run).choose(descriptor=[number])
 
 
 @pytest.mark.parametrize("count", [2**70, 2.5, "two", None])

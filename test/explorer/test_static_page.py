@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import re
+import shlex
 import shutil
 import sys
 from collections.abc import Callable
@@ -11,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 from browsing import ZOO, Page, launched
 
 from pga_me_ros.core.archive.color_range import color_range
@@ -150,6 +153,13 @@ def test_the_nearest_are_those_that_the_library_chooses(page: Any, run: StoredRu
         '"{descriptor: [0.7], count: 4, with_controllers: false}"'
     )
     page.page.click("#filter-reset")
+
+
+@pytest.mark.parametrize("name", ["zoo/qd_hopper", "run #2", "gait: é", "it's", "on"])
+def test_the_command_that_serves_it_says_its_name_to_shell_and_yaml(page: Any, name: str) -> None:
+    command = page.eval(f"Commands.server({{run: {{name: {json.dumps(name)}}}}})")
+    parameter, _, value = shlex.split(command)[-1].partition(":=")
+    assert (parameter, yaml.safe_load(value)) == ("repertoire", name)
 
 
 def test_the_table_sorts(page: Any, run: StoredRun) -> None:

@@ -28,6 +28,7 @@ from pga_me_ros.client import (
     RepertoireClient,
     RepertoireTimeoutError,
 )
+from pga_me_ros.errors import RequestError
 
 SHORT = 0.3
 """Seconds, enough to see that nobody answers."""
@@ -217,6 +218,13 @@ def test_a_missing_service_is_reported_by_name(nobody: Context, robots: Robots) 
     words = r"Service /repertoire/get_behavior was not available within 0\.3 s"
     with pytest.raises(RepertoireTimeoutError, match=words):
         client.get_behavior(best=True)
+
+
+def test_a_closed_client_says_so(nobody: Context, robots: Robots) -> None:
+    client = RepertoireClient(robots.node(nobody))
+    client.close()
+    with pytest.raises(RequestError, match="client is closed"):
+        client.get_info()
 
 
 def test_a_missing_service_ends_a_future_too(nobody: Context, robots: Robots) -> None:

@@ -87,6 +87,25 @@ def test_a_client_serves_it_itself_and_leaves_nothing_behind(
         RepertoireClient(probe.node, "/left", repertoire="zoo/tiny_walker")
 
 
+def test_a_client_serves_what_it_is_told_whatever_the_path_holds(
+    zoo: Path, probe: Probe, tmp_path: Path
+) -> None:
+    for name in ("run #2", "gait: é"):  # YAML has other uses for these
+        path = shutil.copytree(zoo / "tiny_walker", tmp_path / name)
+        client = RepertoireClient(probe.node, timeout="60", repertoire=path)
+        assert client.get_info().task == "qd_walker"
+        client.close()
+
+
+def test_a_client_whose_server_cannot_serve_says_why_at_once(probe: Probe, tmp_path: Path) -> None:
+    file = tmp_path / "repertoire.db"
+    file.write_bytes(b"no database")
+    client = RepertoireClient(probe.node, timeout=600.0, repertoire=file)
+    with pytest.raises(PgaError, match=r"own archive manager has ended: .*repertoire.db"):
+        client.get_info()
+    client.close()
+
+
 def test_for_an_unknown_name_the_nearest_is_offered_in_one_line(
     zoo: Path, graph: Graph, monkeypatch: pytest.MonkeyPatch
 ) -> None:

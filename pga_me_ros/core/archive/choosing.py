@@ -60,7 +60,7 @@ class Demands:
             that was not re-evaluated is not known to meet one.
 
     Raises:
-        RequestError: A limit is NaN, or the share is below 0.
+        RequestError: A limit is NaN, or the share is neither infinite nor from 0 to 1.
     """
 
     judging: Judging = Judging.BEST_KNOWN
@@ -71,7 +71,7 @@ class Demands:
         """Check the limits."""
         if math.isnan(self.min_fitness):
             raise RequestError("min_fitness is NaN; give a number.")
-        if not self.max_fall_share >= 0.0:
+        if not (0.0 <= self.max_fall_share <= 1.0 or self.max_fall_share == math.inf):
             raise RequestError(
                 f"max_fall_share is {self.max_fall_share}; give a share from 0 to 1, for example 0.05."
             )

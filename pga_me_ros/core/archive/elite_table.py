@@ -202,7 +202,8 @@ class EliteTable:
             the lower cell.
 
         Raises:
-            ArchiveError: The descriptor has the wrong length or is not finite, k is below 1, or the distance is NaN.
+            ArchiveError: The descriptor has the wrong length, is not finite or immeasurably far away, k is below 1, or
+                the distance is NaN.
         """
         if k < 1 or math.isnan(max_distance):
             raise ArchiveError(
@@ -211,7 +212,12 @@ class EliteTable:
         wanted = self.checked_descriptors(np.asarray(descriptor, np.float64)[None])[0]
         candidates = self.filled_cells()
         shares = (self.descriptors[candidates] - wanted) / self.extent
-        distance = np.sqrt((shares**2).sum(axis=1))
+        with np.errstate(over="ignore"):
+            distance = np.sqrt((shares**2).sum(axis=1))
+        if not np.isfinite(distance).all():
+            raise ArchiveError(
+                f"The descriptor {wanted.tolist()} is too far away for a distance; give numbers like the elites'."
+            )
         order = np.argsort(distance, kind="stable")
         order = order[distance[order] <= max_distance][:k]
         return candidates[order], distance[order]

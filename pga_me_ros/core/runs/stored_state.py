@@ -15,6 +15,7 @@ from pga_me_ros.core.storage.checkpoint import load_checkpoint
 from pga_me_ros.core.storage.files import rename_file
 from pga_me_ros.core.storage.generation_files import GenerationFiles
 from pga_me_ros.errors import StorageError
+from pga_me_ros.yaml_files import parameter_word
 
 DAMAGED = ".damaged"
 """Suffix of a file that is set aside."""
@@ -114,8 +115,9 @@ def _require_repeatable(
     has_start = trained[1] in sound if trained[1:] else settings.greedy_init != "best"
     if not (ordered_again and has_start):
         lost = files.path(trained[0])
+        repertoire = parameter_word("repertoire", f"{lost.parent}/repertoire.db")
         reason = damage.get(trained[0], f"The critics '{lost}' are missing; restore them.")
         raise StorageError(
             f"{reason} Their training cannot be repeated either. The repertoire next to it is sound; to serve it: "
-            f"ros2 run pga_me_ros archive_manager --ros-args -p repertoire:={lost.parent}/repertoire.db"
+            f"ros2 run pga_me_ros archive_manager --ros-args -p {repertoire}"
         )

@@ -19,7 +19,7 @@ const Commands = {
       "action = behavior.controller(observation)  # every behavior.controller.control_period seconds",
     ].join("\n"),
 
-  server: (run) => `ros2 run pga_me_ros archive_manager --ros-args -p repertoire:=${Commands.word(run.run.name)}`,
+  server: (run) => `ros2 run pga_me_ros archive_manager --ros-args -p ${Commands.word(`repertoire:=${Commands.yaml(run.run.name)}`)}`,
 
   // What stands in the filter, as a request; without a descriptor it is a list, which has 100 entries unless it says more.
   nearest(run, limits, found) {
@@ -34,6 +34,9 @@ const Commands = {
 
   export: (run, elite, kind) =>
     `ros2 run pga_me_ros export ${Commands.word(run.run.name)} --to ${kind} --cell ${elite.cell}`,
+
+  // A text as a ROS parameter, which is YAML: in quotes where it would mean something else.
+  yaml: (text) => (/^[A-Za-z_/][\w./-]*$/.test(text) && !/^(y|n|yes|no|on|off|true|false|null)$/i.test(text) ? text : JSON.stringify(text)),
 
   word: (text) => (/^[\w@%+=:,./-]+$/.test(text) ? text : `'${text.replaceAll("'", "'\\''")}'`),
 };
