@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from pga_me_ros.core.storage.database import explained
-from pga_me_ros.core.storage.file_lock import FileLock, LockedError
+from pga_me_ros.core.storage.file_lock import FileLock
 from pga_me_ros.core.storage.files import make_folder, replace_file
 from pga_me_ros.errors import RequestError
 from pga_me_ros.experiment.experiment_file import read_experiment
@@ -71,7 +71,7 @@ def _carried_out(options: argparse.Namespace) -> int:
         require_own_run(cell, cell.folder(folder))
     make_folder(folder)
     # Single cells may run in parallel, each with its own lock: array jobs, or several hosts that share a disk.
-    lock = None if options.cell else _locked(folder)
+    lock = None if options.cell else FileLock(folder / LOCK)
     try:
         _keep_copy(options.file, folder)
         return _run(cells, folder, jobs, cores)
@@ -100,18 +100,6 @@ def _run(cells: Sequence[Cell], folder: Path, jobs: int, cores: int) -> int:
 
 def _folder(options: argparse.Namespace) -> Path:
     return options.folder or Path("experiments") / options.file.stem
-
-
-def _locked(folder: Path) -> FileLock:
-    """Lock the folder for this experiment.
-
-    Raises:
-        LockedError: Another process uses the folder.
-    """
-    try:
-        return FileLock(folder / LOCK)
-    except LockedError as error:
-        raise LockedError(f"{error}".replace("run_dir", "--folder")) from None
 
 
 def _keep_copy(file: Path, folder: Path) -> None:

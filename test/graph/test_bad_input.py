@@ -178,7 +178,7 @@ def test_a_damaged_repertoire(graph: Graph, tmp_path: Path) -> None:
     file.write_bytes(before)
     words = refused_run(graph, tmp_path / "run")
     assert "repertoire.db': it is damaged" in words
-    assert words.endswith("Restore it from a copy, or start a new run in another run_dir.")
+    assert words.endswith("Restore it from a copy, or start a new run in another folder.")
     assert file.read_bytes() == before
 
 

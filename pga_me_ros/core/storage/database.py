@@ -21,7 +21,7 @@ APPLICATION_ID = 0x5047414D
 PAGE_SIZE = 16384
 """Bytes; a controller takes some 80 kB, so large pages save time."""
 
-RESTORE = "Restore it from a copy, or start a new run in another run_dir."
+RESTORE = "Restore it from a copy, or start a new run in another folder."
 BUSY_SECONDS = 10.0
 _MAGIC = b"SQLite format 3\0"
 
@@ -125,7 +125,7 @@ def create_file(path: Path, info: RunInfo, archive: Archive) -> None:
     for present in (path, Path(f"{path}-wal")):
         if present.exists():
             raise StorageError(
-                f"'{present}' exists already; resume its run or choose another run_dir."
+                f"'{present}' exists already; resume its run or choose another folder."
             )
     new = Path(f"{path}.new")
     connection = _empty_file(new, info.schema_version)

@@ -42,7 +42,7 @@ class FileLock:
             self._fd = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
         except OSError as error:
             raise StorageError(
-                f"Cannot write '{path}' ({error.strerror}); choose a run_dir that is writable."
+                f"Cannot write '{path}' ({error.strerror}); choose a folder that can be written to."
             ) from None
         try:
             self._take(wait, max(wait, orphans))
@@ -51,12 +51,12 @@ class FileLock:
             os.close(self._fd)
             raise LockedError(
                 f"'{path.name.removesuffix('.lock')}' in '{path.parent}' is being written by "
-                f"another process ({holder}). Stop that one first, or choose another run_dir."
+                f"another process ({holder}). Stop that one first, or choose another folder."
             ) from None
         except OSError as error:  # a file system without locks
             os.close(self._fd)
             raise StorageError(
-                f"Cannot lock '{path}' ({error.strerror}); choose a run_dir on another file system."
+                f"Cannot lock '{path}' ({error.strerror}); choose a folder on another file system."
             ) from None
         with contextlib.suppress(OSError):  # on a full disk, the holder remains unnamed
             os.ftruncate(self._fd, 0)

@@ -20,12 +20,12 @@ def make_folder(path: Path) -> None:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise StorageError(
-            f"Cannot make the folder '{path}' ({error.strerror}); give run_dir a folder that "
+            f"Cannot make the folder '{path}' ({error.strerror}); choose one in a folder that "
             "can be written to."
         ) from None
     if not os.access(path, os.W_OK | os.X_OK):
         raise StorageError(
-            f"The folder '{path}' cannot be written to; give run_dir another folder or "
+            f"The folder '{path}' cannot be written to; choose another folder, or "
             "change its permissions."
         )
 

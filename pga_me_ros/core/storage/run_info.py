@@ -109,7 +109,7 @@ class RunInfo:
         if found:
             raise StorageError(
                 "The repertoire belongs to a run with other settings (its own != yours): "
-                f"{'; '.join(found)}. Start it with its own settings or choose another run_dir."
+                f"{'; '.join(found)}. Start it with its own settings or choose another folder."
             )
 
     def version_differences(self, versions: Mapping[str, str]) -> list[str]:
