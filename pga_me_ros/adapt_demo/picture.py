@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -14,10 +15,10 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from pga_me_ros.adapt_demo.plan import unwritable
 from pga_me_ros.adapt_demo.robot import POSES, Achieved
 from pga_me_ros.adapt_demo.story import Found, Map, Step
 from pga_me_ros.arrays import Float64Array
+from pga_me_ros.core.storage.files import save_bytes
 
 FEW = 6
 """Number of maps up to which 3 stand in a row, beyond which 4."""
@@ -90,10 +91,9 @@ def draw(
         panel.set_ylabel("fitness")
     middle.colorbar(scale, ax=axes, label="uncertainty of the expectation", fraction=0.03)
     _draw_bars(bottom.add_subplot(), found, sound)
-    try:
-        figure.savefig(out, dpi=120, metadata={"Date": None} if out.suffix == ".svg" else {})
-    except OSError as error:
-        raise unwritable(out, error) from None
+    content, kind = io.BytesIO(), out.suffix.lower().removeprefix(".")
+    figure.savefig(content, format=kind, dpi=120, metadata={"Date": None} if kind == "svg" else {})
+    save_bytes(out, content.getvalue())
 
 
 def _draw_map(

@@ -12,8 +12,9 @@ from pga_me_ros.arguments import ArgumentParser
 from pga_me_ros.core.adaptation.adaptation_settings import AdaptationSettings
 from pga_me_ros.core.archive.worlds import Worlds
 from pga_me_ros.core.settings.field import checked_value
+from pga_me_ros.core.storage.files import require_writable
 from pga_me_ros.core.storage.stored_run import StoredRun
-from pga_me_ros.errors import RequestError, StorageError
+from pga_me_ros.errors import RequestError
 from pga_me_ros.paths import user_path
 from pga_me_ros.tasks.protocol import Task
 from pga_me_ros.tasks.registry import damage_option, make_task
@@ -68,7 +69,7 @@ class Plan:
         }
         if options.repeat < 0:
             raise RequestError(f"--repeat is {options.repeat}; give 0 or more.")
-        _require_writable(options.out)
+        require_writable(options.out, ENDINGS)
         run, damage = StoredRun.load(options.repertoire), options.damage.strip()
         if not damage:
             raise RequestError(
@@ -105,31 +106,6 @@ def _worlds(run: StoredRun, wanted: bool | None) -> Worlds | None:
     if wanted:
         return run.require_worlds("--worlds")
     return run.worlds if wanted is None else None
-
-
-def _require_writable(out: Path) -> None:
-    """Make sure that a picture can be written, by opening its file.
-
-    Raises:
-        RequestError: Its name has another ending.
-        StorageError: It cannot be written.
-    """
-    if out.suffix.lower() not in ENDINGS or out.is_dir():
-        raise RequestError(
-            f"--out is '{out}'; give the name of a file that ends in {', '.join(ENDINGS)}."
-        )
-    is_new = not out.exists()
-    try:
-        out.open("ab").close()
-        if is_new:
-            out.unlink()
-    except OSError as error:
-        raise unwritable(out, error) from None
-
-
-def unwritable(out: Path, error: OSError) -> StorageError:
-    """Return the error of a picture that cannot be written."""
-    return StorageError(f"'{out}' cannot be written ({error.strerror}); give --out another name.")
 
 
 def _parser() -> ArgumentParser:

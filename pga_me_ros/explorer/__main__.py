@@ -6,13 +6,13 @@ import argparse
 import os
 import sys
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as in evaluators
 
+from pga_me_ros.core.storage.files import require_writable
 from pga_me_ros.core.storage.stored_run import StoredRun
-from pga_me_ros.errors import RequestError, StorageError
+from pga_me_ros.errors import RequestError
 from pga_me_ros.explorer.description import describe
 from pga_me_ros.explorer.motion import EpisodeStart
 from pga_me_ros.explorer.page import require_web, write_page
@@ -73,6 +73,10 @@ def explore(options: argparse.Namespace, ros_args: Sequence[str] = ()) -> None:
         _serve(options, ros_args)
     elif options.graph or not options.runs:
         raise RequestError("--html writes stored runs only; give their folders, and no --graph.")
+    elif ros_args:
+        raise RequestError(
+            f"'{' '.join(ros_args)}' is for a graph, but --html writes stored runs only; leave it out."
+        )
     else:
         _write(options)
 
@@ -92,7 +96,8 @@ def _require_use(options: argparse.Namespace) -> None:
 
 
 def _write(options: argparse.Namespace) -> None:
-    out = _checked(options.html)
+    out = options.html
+    require_writable(out, (".html", ".htm"), "--html")
     runs = [StoredRun.load(path) for path in options.runs]
     seed = UNSEEN if options.seed is None else options.seed
     motions = MOTIONS if options.motions is None else options.motions
@@ -174,14 +179,6 @@ def _recorded(
         "starts": [start.key for start in starts],
         "motions": motions,
     }
-
-
-def _checked(out: Path) -> Path:
-    if out.suffix.lower() not in (".html", ".htm") or out.is_dir():
-        raise RequestError(f"--html is '{out}'; give the name of a file that ends in .html.")
-    if not out.absolute().parent.is_dir():
-        raise StorageError(f"There is no folder '{out.absolute().parent}'; make it first.")
-    return out
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -41,9 +41,16 @@ def run_program(work: Callable[[], None], stopped: str = "stopped") -> int:
         if isinstance(error, ModuleNotFoundError) and not missing_dependency(error):
             raise
         settle(sys.stdout)
-        tell(f"error: {missing_dependency(error) or error}", sys.stderr)
+        tell(f"error: {missing_dependency(error) or _said(error)}", sys.stderr)
         return EXIT_BAD_INPUT
     return 0
+
+
+def _said(error: Exception) -> str:
+    """Return an error in words; those of the system name a file and a reason, and no more."""
+    if isinstance(error, OSError) and error.filename is not None:
+        return f"'{error.filename}': {error.strerror}; check the path, its permissions and the space on its disk."
+    return str(error)
 
 
 @contextmanager

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import io
 import math
 import os
 import sys
@@ -12,8 +13,8 @@ from pathlib import Path
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as in evaluators
 
 from pga_me_ros.core.archive.choosing import Demands, Judging
+from pga_me_ros.core.storage.files import require_writable, save_bytes
 from pga_me_ros.core.storage.stored_run import StoredBehavior, StoredRun
-from pga_me_ros.errors import RequestError, StorageError
 from pga_me_ros.paths import user_path
 from pga_me_ros.player.gait import Gait
 from pga_me_ros.player.promise import kept, lasted
@@ -67,10 +68,7 @@ def render(options: argparse.Namespace) -> Path:
         print(f"note: {run.archive.note}", file=sys.stderr)
     ending = ".png" if options.sheet else ".gif"
     out = options.out or Path(f"{run.name}{'-gaits' if options.sheet else ''}{ending}")
-    if out.suffix.lower() != ending or out.is_dir():
-        raise RequestError(f"--out is '{out}'; give the name of a file that ends in {ending}.")
-    if not out.absolute().parent.is_dir():
-        raise StorageError(f"There is no folder '{out.absolute().parent}'; make it first.")
+    require_writable(out, [ending])
     task = make_task(run.settings.task, run.settings.randomization, options.damage)
     try:
         if options.sheet:
@@ -133,9 +131,10 @@ def _draw_sheet(options: argparse.Namespace, run: StoredRun, task: Task, out: Pa
     rows = [Row(gait, _recorded(run, task, gait, options.seed)) for gait in gaits]
     names = ", ".join(run.spec.descriptor_names)
     title = f"{run.spec.name}: {len(rows)} of {len(run.archive)} gaits, described by [{names}]"
-    contact_sheet(title, rows, options.columns or MOMENTS, task.spec.control_period).save(
-        out, optimize=True
-    )
+    sheet = contact_sheet(title, rows, options.columns or MOMENTS, task.spec.control_period)
+    content = io.BytesIO()
+    sheet.save(content, format="PNG", optimize=True)
+    save_bytes(out, content.getvalue())
 
 
 def _recorded(run: StoredRun, task: Task, gait: Gait, seed: int | None) -> Recording:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import io
 import itertools
 from collections.abc import Sequence
 from pathlib import Path
 
 from PIL import Image
 
-from pga_me_ros.errors import StorageError
+from pga_me_ros.core.storage.files import save_bytes
 from pga_me_ros.player.camera import Camera
 from pga_me_ros.player.gait import Gait
 from pga_me_ros.player.watched_rollout import Recording
@@ -93,15 +94,14 @@ def save_gif(path: Path, frames: list[Image.Image], times: list[float]) -> None:
     # Times are rounded, not durations, so that errors do not add up.
     ticks = [round(time / TICK) for time in times]
     lasting = [10 * (b - a) for a, b in itertools.pairwise(ticks)] + [1000]
-    try:
-        few[0].save(
-            path,
-            format="GIF",
-            save_all=True,
-            append_images=few[1:],
-            duration=lasting,
-            loop=0,
-            optimize=False,
-        )
-    except OSError as error:
-        raise StorageError(f"'{path}' cannot be written ({error.strerror or error}).") from error
+    content = io.BytesIO()
+    few[0].save(
+        content,
+        format="GIF",
+        save_all=True,
+        append_images=few[1:],
+        duration=lasting,
+        loop=0,
+        optimize=False,
+    )
+    save_bytes(path, content.getvalue())

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from pga_me_ros.core.archive.corrected import complete_metrics
+from pga_me_ros.core.storage.files import make_folder, save_bytes
 from pga_me_ros.core.storage.stored_run import StoredRun
 from pga_me_ros.errors import RequestError
 from pga_me_ros.paths import user_path
@@ -21,7 +22,7 @@ from pga_me_ros.process.program import run_program
 from pga_me_ros.report.compared_run import ComparedRun
 from pga_me_ros.report.comparison import Comparison, compare, compare_experiment, is_experiment
 from pga_me_ros.report.comparison_table import comparison_table
-from pga_me_ros.report.paper import TASKS, published_at
+from pga_me_ros.report.paper import TASKS, published_at, published_beside, require_published
 
 COLUMNS = {
     "evaluations": "{:,.0f}",
@@ -147,8 +148,15 @@ def _line(
     return f"| {' | '.join([*names, seed, *values])} |"
 
 
-def main() -> int:
-    """Draw the pictures, print the table."""
+def main(args: Sequence[str] | None = None) -> int:
+    """Draw the pictures, print the table.
+
+    Args:
+        args: Command line without the program's name, None for that of this process.
+
+    Returns:
+        Exit status, as for `run_program`.
+    """
     parser = argparse.ArgumentParser(prog="report", description=__doc__)
     parser.add_argument(
         "runs",
@@ -174,35 +182,68 @@ def main() -> int:
         action="store_true",
         help="draw archives by the elites' original, single evaluations, even if they were re-evaluated",
     )
-    arguments = parser.parse_args()
+    options = parser.parse_args(args)
 
     def work() -> None:
-        comparison = compared(arguments.runs, asked=arguments.compare)
-        if comparison:
-            arguments.out.mkdir(parents=True, exist_ok=True)
-            table_file = arguments.out / "comparison.md"
-            print(comparison_table(comparison))
-            table_file.write_text(comparison_table(comparison) + "\n")
-            _require_published((task.task for task in comparison.tasks), asked=arguments.paper)
-            drawn = draw_comparison(
-                comparison, arguments.out, paper=arguments.paper, single=arguments.single
-            )
-            for file in [table_file, *drawn]:
-                print(file)
-            return
-        runs = [StoredRun.load(path) for path in arguments.runs]
-        for run in runs:
-            if run.archive.note:
-                print(f"note: '{run.name}': {run.archive.note}", file=sys.stderr)
-        _require_published((run.spec.name for run in runs), asked=arguments.paper)
-        arguments.out.mkdir(parents=True, exist_ok=True)
-        print(table(runs, paper=arguments.paper))
-        for line in elsewhere(runs):
-            print(line)
-        for file in draw(runs, arguments.out, single=arguments.single, paper=arguments.paper):
+        comparison = compared(options.runs, asked=options.compare)
+        for file in _reported(options) if comparison is None else _compared(comparison, options):
             print(file)
 
     return run_program(work)
+
+
+def _reported(options: argparse.Namespace) -> list[Path]:
+    """Report on runs one by one; returns the files."""
+    runs = [StoredRun.load(path) for path in options.runs]
+    _require_distinct(runs)
+    for run in runs:
+        if run.archive.note:
+            print(f"note: '{run.name}': {run.archive.note}", file=sys.stderr)
+    if options.paper:
+        require_published(published_beside(runs))
+    make_folder(options.out)
+    print(table(runs, paper=options.paper))
+    for line in elsewhere(runs):
+        print(line)
+    return draw(runs, options.out, single=options.single, paper=options.paper)
+
+
+def _compared(comparison: Comparison, options: argparse.Namespace) -> list[Path]:
+    """Report on a comparison; returns the files."""
+    if options.paper:
+        require_published(
+            (task.task, runs[0].algorithm, task.evaluations)
+            for task in comparison.tasks
+            for runs in task.systems.values()
+        )
+    make_folder(options.out)
+    text, file = comparison_table(comparison), options.out / "comparison.md"
+    print(text)
+    save_bytes(file, f"{text}\n".encode())
+    drawn = draw_comparison(comparison, options.out, paper=options.paper, single=options.single)
+    return [file, *drawn]
+
+
+def _require_distinct(runs: Sequence[StoredRun]) -> None:
+    """Make sure that no run counts twice, and that each has a name of its own, which its pictures are named after.
+
+    Raises:
+        RequestError: Two are the same run, or have the same name. Different parts of a run, by `thin`, may be given.
+    """
+    seen: dict[object, StoredRun] = {}
+    for run in runs:
+        which = run.file.resolve() if run.is_thinned else run.info.run_id
+        other = seen.setdefault(which, run)
+        if other is not run:
+            raise RequestError(
+                f"'{run.file}' is the same run as '{other.file}'; it would count twice: leave one out."
+            )
+        other = seen.setdefault((run.name,), run)
+        if other is not run:
+            raise RequestError(
+                f"'{run.file}' and '{other.file}' are both in a folder named '{run.name}', so the pictures of one "
+                "would replace those of the other; rename one, or report on each with an --out of its own."
+            )
 
 
 def compared(paths: list[Path], *, asked: bool) -> Comparison | None:
@@ -220,24 +261,6 @@ def compared(paths: list[Path], *, asked: bool) -> Comparison | None:
     if experiments:
         return compare_experiment(paths[0])
     return compare([ComparedRun.load(path) for path in paths]) if asked else None
-
-
-def _require_published(tasks: Iterable[str], *, asked: bool) -> None:
-    """Print a note on tasks without published medians.
-
-    Raises:
-        RequestError: None of the tasks has published medians.
-    """
-    tasks = list(dict.fromkeys(tasks))
-    unknown = [task for task in tasks if task not in TASKS]
-    if not asked or not unknown:
-        return
-    if len(unknown) == len(tasks):
-        raise RequestError(
-            f"--paper: the authors published nothing on {', '.join(unknown)}; leave it out. They did on "
-            f"{', '.join(TASKS)}."
-        )
-    print(f"note: the authors published nothing on {', '.join(unknown)}", file=sys.stderr)
 
 
 def draw_comparison(

@@ -1,8 +1,11 @@
-"""The authors' published medians (Nilsson & Cully 2021), to draw under the user's curves; see paper_curves.csv."""
+"""The authors' published medians (Nilsson & Cully 2021), to show with the user's runs; see paper_curves.csv."""
 
 from __future__ import annotations
 
 import csv
+import sys
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -10,6 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from pga_me_ros.arrays import Float64Array
+from pga_me_ros.core.storage.stored_run import StoredRun
+from pga_me_ros.errors import RequestError
 
 FILE = Path(__file__).with_name("paper_curves.csv")
 
@@ -35,6 +40,11 @@ QUANTITIES = {"qd_score": "sum_fitness", "coverage": "coverage", "max_fitness": 
 """Their names for our metrics; our QD-score has no offset, except in a comparison."""
 
 LABEL = "authors' median of 20 seeds"
+
+
+def curves_beside(algorithms: Iterable[str]) -> list[str]:
+    """Return whose curves belong under those of algorithms: their own, or of PGA-MAP-Elites if there are none."""
+    return [name for name in algorithms if name in SYSTEMS] or ["pga_map_elites"]
 
 
 @dataclass(frozen=True)
@@ -109,6 +119,44 @@ def published_at(task: str, algorithm: str, evaluations: float) -> tuple[float, 
         for metric, c in curves.items()
         if c is not None and (c.evaluations == at).any()
     }
+
+
+def published_beside(runs: Sequence[StoredRun]) -> Iterator[tuple[str, str, float]]:
+    """Yield task, algorithm and evaluations of all published medians that the table and the curves of runs may have."""
+    for task in dict.fromkeys(run.spec.name for run in runs):
+        reached: dict[str, list[int]] = defaultdict(list)
+        for run in runs:
+            if run.spec.name == task:
+                reached[run.settings.algorithm].append(run.metrics[-1].evaluations)
+        for algorithm, counts in reached.items():
+            yield task, algorithm, min(counts)
+        whole = [run for run in runs if run.spec.name == task and not run.is_thinned]
+        for algorithm in curves_beside(run.settings.algorithm for run in whole) if whole else ():
+            yield task, algorithm, max(run.metrics[-1].evaluations for run in whole)
+
+
+def require_published(wanted: Iterable[tuple[str, str, float]]) -> None:
+    """Print a note on tasks without published medians that could be added.
+
+    Args:
+        wanted: Task, algorithm and number of evaluations of what published medians could be added to.
+
+    Raises:
+        RequestError: There are none for any of the tasks.
+    """
+    wanted = list(wanted)
+    known = {place[0] for place in wanted if published_at(*place)[1]}
+    words = [
+        f"{task} by {algorithm} within {evaluations:,.0f} evaluations" if task in TASKS else task
+        for task, algorithm, evaluations in wanted
+        if task not in known
+    ]
+    if not words:
+        return
+    what = f"the authors published nothing on {', '.join(dict.fromkeys(words))}"
+    if not known:
+        raise RequestError(f"--paper: {what}; leave it out. They did on {', '.join(TASKS)}.")
+    print(f"note: {what}", file=sys.stderr)
 
 
 @cache

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -21,9 +22,10 @@ from pga_me_ros.core.archive.archive import Archive
 from pga_me_ros.core.archive.color_range import color_range
 from pga_me_ros.core.archive.corrected import corrected_archive, steady_archive
 from pga_me_ros.core.archive.heatmap import ANCHORS, Image, draw_heatmap
+from pga_me_ros.core.storage.files import save_bytes
 from pga_me_ros.core.storage.stored_run import StoredRun
 from pga_me_ros.paths import file_name
-from pga_me_ros.report.paper import LABEL, SYSTEMS, paper_curve
+from pga_me_ros.report.paper import LABEL, SYSTEMS, curves_beside, paper_curve, published_at
 
 CURVES = (
     ("qd_score", "QD-score (sum of fitness)"),
@@ -156,14 +158,17 @@ def draw_curves(runs: Sequence[StoredRun], folder: Path, *, paper: bool = False)
     for run in runs:
         groups[run.settings.algorithm].append(run)
     looks = {name: LINE_STYLES[i % len(LINE_STYLES)] for i, name in enumerate(groups)}
-    published = [name for name in groups if name in SYSTEMS] or ["pga_map_elites"]
     last = max(run.metrics[-1].evaluations for run in runs)
+    task = runs[0].spec.name
+    published = [
+        name for name in curves_beside(groups) if paper and published_at(task, name, last)[1]
+    ]
     for axes, (name, label) in zip(figure.subplots(1, len(CURVES)), CURVES, strict=True):
         for algorithm, group in groups.items():
             _draw_curve(axes, group, name, *looks[algorithm])
-        for algorithm in published if paper else ():
+        for algorithm in published:
             color = looks[algorithm][0] if len(groups) > 1 else PAPER_COLOR
-            draw_paper(axes, runs[0].spec.name, algorithm, name, last, color=color)
+            draw_paper(axes, task, algorithm, name, last, color=color)
         axes.set_xlabel("evaluations")
         axes.set_ylabel(label)
         axes.grid(alpha=0.3)
@@ -172,10 +177,8 @@ def draw_curves(runs: Sequence[StoredRun], folder: Path, *, paper: bool = False)
         figure.legend(loc="outside lower center", ncols=len(groups), handles=legend(looks))
     many = f", median and quartiles of {len(runs)} runs" if len(runs) > len(groups) else ""
     theirs = ", ".join(SYSTEMS[name] for name in published)
-    figure.suptitle(
-        f"{runs[0].spec.name}{many}{f'; dots: {LABEL}, {theirs}' if paper else ''}", fontsize=10
-    )
-    return save(figure, folder / f"{file_name(runs[0].spec.name)}-curves")
+    figure.suptitle(f"{task}{many}{f'; dots: {LABEL}, {theirs}' if published else ''}", fontsize=10)
+    return save(figure, folder / f"{file_name(task)}-curves")
 
 
 def _draw_curve(
@@ -261,5 +264,14 @@ def save(figure: Figure, stem: Path) -> list[Path]:
     for file in files:
         metadata = {"Date": None} if file.suffix == ".svg" else {}
         # Tight bounding box: long names, and labels of low pictures, would be cut off otherwise.
-        figure.savefig(file, dpi=120, metadata=metadata, bbox_inches="tight", pad_inches=MARGIN)
+        content = io.BytesIO()
+        figure.savefig(
+            content,
+            format=file.suffix.removeprefix("."),
+            dpi=120,
+            metadata=metadata,
+            bbox_inches="tight",
+            pad_inches=MARGIN,
+        )
+        save_bytes(file, content.getvalue())
     return files

@@ -45,7 +45,7 @@ def robot() -> Iterator[Robot]:
         (["--least-length-scale", "0.5"], "up to below length_scale, which is 0.4"),
         (["--repeat", "-1"], "--repeat is -1"),
         (["--out", "picture.gif"], "ends in .png, .svg, .pdf"),
-        (["--out", "no_such_folder/picture.png"], "cannot be written (No such file or directory)"),
+        (["--out", "no_such_folder/picture.png"], "no_such_folder'; make it first"),
         (["--out", "/proc/picture.png"], "'/proc/picture.png' cannot be written"),
     ],
 )

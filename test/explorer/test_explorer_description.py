@@ -309,6 +309,8 @@ def test_scripts_are_short_enough_to_read() -> None:
         (["--html", "nowhere/page.html"], "make it first"),
         (["--html", "page.html", "--randomization", "wind 1 2"], "KIND is one of"),
         (["--html", "page.html", "--port", "0"], "--port has a meaning not with --html"),
+        (["--html", "/proc/page.html"], "'/proc/page.html' cannot be written"),
+        (["--html", "page.html", "--ros-args", "-r", "__ns:=/a"], "-r __ns:=/a' is for a graph"),
         (["--html", "page.html", "--graph", "/"], "--html writes stored runs only"),
         (["--motions", "3"], "--motions has a meaning only with --html"),
         (["--damage", "ice"], "--damage has a meaning only with --html"),

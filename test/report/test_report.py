@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -21,10 +22,11 @@ from pga_me_ros.core.runs.run_directory import open_run
 from pga_me_ros.core.settings import RATES, Settings
 from pga_me_ros.core.storage.repertoire import Repertoire
 from pga_me_ros.core.storage.stored_run import StoredRun
-from pga_me_ros.report.__main__ import draw, draw_comparison, table
+from pga_me_ros.report.__main__ import draw, draw_comparison, main, table
 from pga_me_ros.report.compared_run import ComparedRun
 from pga_me_ros.report.comparison import compare
 from pga_me_ros.report.lineage import COLORS, draw_lineage, look
+from pga_me_ros.report.paper import published_beside, require_published
 from pga_me_ros.report.pictures import LINE_STYLES, draw_archive, draw_color_scale, draw_curves
 from pga_me_ros.tasks.registry import task_spec
 
@@ -177,6 +179,52 @@ def test_a_folder_without_a_run_is_reported_in_one_line(tmp_path: Path) -> None:
     assert result.stderr.startswith("error: ")
     assert result.stderr.count("\n") == 1
     assert str(tmp_path) in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["a/hop", "b/hop"], "in a folder named 'hop', so the pictures of one would replace"),
+        (["a/hop", "copy"], "is the same run as 'a/hop/repertoire.db'"),
+        (["a/hop", "--out", "file"], "Cannot make the folder 'file' (File exists)"),
+        (["a/hop", "--out", "/proc/out"], "Cannot make the folder '/proc/out'"),
+        (["a/hop", "--compare", "--out", "file"], "Cannot make the folder 'file'"),
+        (["a/hop", "--paper"], "nothing on qd_hopper by pga_map_elites within 30 evaluations"),
+        (["a/hop", "--paper", "--compare"], "nothing on qd_hopper by pga_map_elites within 30"),
+        (["zoo/qd_hopper", "--paper"], "published nothing on qd_hopper by dcrl_map_elites within"),
+    ],
+)
+def test_what_cannot_be_reported_is_told_before_anything_is_written(
+    words: list[str],
+    said: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name, seed in (("a", 1), ("b", 2)):
+        stored(tmp_path / name, "qd_hopper", seed).rename(f"{name}/hop")
+    shutil.copytree("a/hop", "copy")
+    Path("file").touch()
+    assert main(words) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert said in err
+    assert err.count("\n") == 1
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a", "b", "copy", "file"]
+
+
+def test_published_curves_that_some_runs_can_have_are_drawn_and_the_others_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    long, short = (StoredRun.load(stored(tmp_path, task, 1)) for task in ("qd_walker", "qd_ant"))
+    last = long.generations[-1]
+    grown = dataclasses.replace(last.metrics, evaluations=1_000_000)
+    longer = dataclasses.replace(long, generations=(dataclasses.replace(last, metrics=grown),))
+    require_published(published_beside([longer, short]))
+    assert capsys.readouterr().err == (
+        "note: the authors published nothing on qd_ant by pga_map_elites within 30 evaluations\n"
+    )
 
 
 def test_a_grid_of_more_bins_than_pixels_is_drawn(

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import BinaryIO
 
-from pga_me_ros.errors import SettingsError, StorageError
+from pga_me_ros.errors import RequestError, SettingsError, StorageError
 
 
 def make_folder(path: Path) -> None:
@@ -67,7 +67,7 @@ def replace_file(
     Raises:
         OSError: The file cannot be written or renamed; the old one is unchanged.
     """
-    new = path.with_name(f".{path.name}.{os.getpid()}.new" if shared else f".{path.name}.new")
+    new = _beside(path, shared=shared)
     try:
         with new.open("wb") as file:
             if callable(content):
@@ -96,6 +96,10 @@ def rename_file(path: Path, target: Path) -> None:
         os.close(descriptor)
 
 
+def _beside(path: Path, *, shared: bool) -> Path:
+    return path.with_name(f".{path.name}.{os.getpid()}.new" if shared else f".{path.name}.new")
+
+
 def save_bytes(path: Path, content: bytes) -> None:
     """Write a file for a user, as `replace_file` does.
 
@@ -105,6 +109,36 @@ def save_bytes(path: Path, content: bytes) -> None:
     try:
         replace_file(path, content, shared=True)
     except OSError as error:
-        raise StorageError(
-            f"'{path}' cannot be written ({error.strerror}); check the folder, its permissions and the space on it."
-        ) from None
+        raise _unwritable(path, error) from None
+
+
+def require_writable(path: Path, endings: Sequence[str], option: str = "--out") -> None:
+    """Make sure that `save_bytes` can write a file, before what goes into it is made.
+
+    Args:
+        path: The file.
+        endings: Endings that its name may have.
+        option: Option that gives it.
+
+    Raises:
+        RequestError: Its name has another ending, or is that of a folder.
+        StorageError: Its folder is missing, or cannot be written to.
+    """
+    new, folder = _beside(path, shared=True), path.absolute().parent
+    try:
+        if path.suffix.lower() not in endings or path.is_dir():
+            raise RequestError(
+                f"{option} is '{path}'; give the name of a file that ends in {', '.join(endings)}."
+            )
+        if not folder.is_dir():
+            raise StorageError(f"There is no folder '{folder}'; make it first.")
+        new.touch()
+        new.unlink()
+    except OSError as error:
+        raise _unwritable(path, error) from None
+
+
+def _unwritable(path: Path, error: OSError) -> StorageError:
+    return StorageError(
+        f"'{path}' cannot be written ({error.strerror}); check the folder, its permissions and the space on it."
+    )
