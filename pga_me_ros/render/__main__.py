@@ -15,6 +15,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as in evaluators
 from pga_me_ros.core.archive.choosing import Demands, Judging
 from pga_me_ros.core.storage.files import require_writable, save_bytes
 from pga_me_ros.core.storage.stored_run import StoredBehavior, StoredRun
+from pga_me_ros.errors import RequestError
 from pga_me_ros.paths import user_path
 from pga_me_ros.player.gait import Gait
 from pga_me_ros.player.promise import kept, lasted
@@ -34,6 +35,11 @@ from pga_me_ros.tasks.rollout import Episode
 
 MOMENTS = 8
 """Default number of moments per gait of a sheet."""
+
+MOST_COLUMNS = 100
+
+OF_A_GIF = ("start", "seconds", "speed", "fps", "size")
+"""Options that a sheet has no use for."""
 
 SIDE_BY_SIDE = 3
 """Default number of gaits in a row of a gallery."""
@@ -63,6 +69,8 @@ def render(options: argparse.Namespace) -> Path:
         PgaError: The run cannot be read, has no such gait, its task cannot be drawn, or the file cannot be written.
     """
     require_pillow()
+    _require_use(options)
+    gif = _gif_options(options)
     run = StoredRun.load(options.run)
     if run.archive.note:
         print(f"note: {run.archive.note}", file=sys.stderr)
@@ -74,15 +82,34 @@ def render(options: argparse.Namespace) -> Path:
         if options.sheet:
             _draw_sheet(options, run, task, out)
         elif options.gallery:
-            _draw_gallery(options, run, task, out)
+            _draw_gallery(options, run, task, out, gif)
         else:
-            _draw_animation(options, run, task, out)
+            _draw_animation(options, run, task, out, gif)
     finally:
         task.close()
     return out
 
 
-def _draw_animation(options: argparse.Namespace, run: StoredRun, task: Task, out: Path) -> None:
+def _require_use(options: argparse.Namespace) -> None:
+    """Refuse options that the picture has no use for, and too many columns.
+
+    Raises:
+        RequestError: There is one.
+    """
+    for name in OF_A_GIF if options.sheet else ():
+        if getattr(options, name) is not None:
+            raise RequestError(f"--{name} is about a GIF, but --sheet draws a PNG; leave it out.")
+    if options.columns is None:
+        return
+    if not options.sheet and not options.gallery:
+        raise RequestError("--columns is about --sheet and --gallery; leave it out.")
+    if options.columns > MOST_COLUMNS:
+        raise RequestError(f"--columns is {options.columns}; give 1 to {MOST_COLUMNS}.")
+
+
+def _draw_animation(
+    options: argparse.Namespace, run: StoredRun, task: Task, out: Path, gif: GifOptions
+) -> None:
     gait = run.choose(
         descriptor=options.descriptor,
         cell=options.cell,
@@ -91,22 +118,26 @@ def _draw_animation(options: argparse.Namespace, run: StoredRun, task: Task, out
         max_fall_share=options.max_fall_share,
         single=options.single,
     )
-    episode = draw_gif(task, run.settings, gait, out, _gif_options(options))
+    episode = draw_gif(task, run.settings, gait, out, gif)
     _tell(gait, episode, options.seed, task.spec.control_period)
 
 
-def _draw_gallery(options: argparse.Namespace, run: StoredRun, task: Task, out: Path) -> None:
+def _draw_gallery(
+    options: argparse.Namespace, run: StoredRun, task: Task, out: Path, gif: GifOptions
+) -> None:
     gaits = _spread(options, run, options.gallery)
     columns = options.columns or SIDE_BY_SIDE
-    episodes = draw_gallery(task, run.settings, gaits, out, _gif_options(options), columns)
+    episodes = draw_gallery(task, run.settings, gaits, out, gif, columns)
     for gait, episode in zip(gaits, episodes, strict=True):
         _tell(gait, episode, options.seed, task.spec.control_period)
 
 
 def _gif_options(options: argparse.Namespace) -> GifOptions:
-    size = tuple(options.size)
+    given = {name: getattr(options, name) for name in OF_A_GIF}
+    if options.size:
+        given["size"] = tuple(options.size)
     return GifOptions(
-        options.start, options.seconds, options.speed, options.fps, size, options.seed
+        seed=options.seed, **{name: value for name, value in given.items() if value is not None}
     )
 
 
@@ -125,13 +156,15 @@ def _spread(options: argparse.Namespace, run: StoredRun, count: int) -> list[Sto
 
 
 def _draw_sheet(options: argparse.Namespace, run: StoredRun, task: Task, out: Path) -> None:
-    from pga_me_ros.render.contact_sheet import Row, contact_sheet
+    from pga_me_ros.render.contact_sheet import Row, contact_sheet, sheet_size
 
     gaits = _spread(options, run, options.sheet)
+    columns = options.columns or MOMENTS
+    sheet_size(len(gaits), columns)  # refuses too many before their episodes are run
     rows = [Row(gait, _recorded(run, task, gait, options.seed)) for gait in gaits]
     names = ", ".join(run.spec.descriptor_names)
     title = f"{run.spec.name}: {len(rows)} of {len(run.archive)} gaits, described by [{names}]"
-    sheet = contact_sheet(title, rows, options.columns or MOMENTS, task.spec.control_period)
+    sheet = contact_sheet(title, rows, columns, task.spec.control_period)
     content = io.BytesIO()
     sheet.save(content, format="PNG", optimize=True)
     save_bytes(out, content.getvalue())
@@ -193,12 +226,21 @@ def _parser() -> argparse.ArgumentParser:
         help="what is wrong with the robot or its world: 'jam foot_joint 0.3, ice' (docs/adaptation.md)",
     )
     parser.add_argument("--out", type=user_path, help="file to write; a GIF, or a PNG with --sheet")
-    parser.add_argument("--start", type=float, default=0.0, help="seconds to leave out (GIF)")
-    parser.add_argument("--seconds", type=_positive, default=10.0, help="seconds to show (GIF)")
-    parser.add_argument("--speed", type=_positive, default=1.0, help="1 is real time (GIF)")
-    parser.add_argument("--fps", type=_positive, default=20.0, help="pictures per second (GIF)")
+    usual = GifOptions()
+    for name, words in (
+        ("start", "seconds to leave out"),
+        ("seconds", "seconds to show"),
+        ("speed", "speed, 1 is real time"),
+        ("fps", "pictures per second"),
+    ):
+        default = getattr(usual, name)
+        parser.add_argument(f"--{name}", type=float, help=f"{words} (GIF; {default:g})")
     parser.add_argument(
-        "--size", type=_at_least_one, nargs=2, default=(360, 270), help="pixels (GIF)"
+        "--size",
+        type=int,
+        nargs=2,
+        metavar=("WIDTH", "HEIGHT"),
+        help="pixels (GIF; {} {})".format(*usual.size),
     )
     parser.add_argument(
         "--columns",
@@ -219,13 +261,6 @@ def _not_negative(word: str) -> int:
     number = int(word)
     if number < 0:
         raise argparse.ArgumentTypeError(f"'{word}' is not 0 or more")
-    return number
-
-
-def _positive(word: str) -> float:
-    number = float(word)
-    if not 0.0 < number < float("inf"):
-        raise argparse.ArgumentTypeError(f"'{word}' is not above 0")
     return number
 
 

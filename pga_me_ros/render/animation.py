@@ -10,6 +10,7 @@ from pathlib import Path
 from PIL import Image
 
 from pga_me_ros.core.storage.files import save_bytes
+from pga_me_ros.errors import RequestError
 from pga_me_ros.player.camera import Camera
 from pga_me_ros.player.gait import Gait
 from pga_me_ros.player.watched_rollout import Recording
@@ -24,6 +25,47 @@ GAP = 2
 
 TICK = 0.01
 """Unit of a GIF's times, s."""
+
+LARGEST = 65_535
+"""Most pixels of a side of a GIF, and most units that one of its pictures may stay."""
+
+ROOM = 500_000_000
+"""Most pixels of all pictures together; they need about seven bytes each."""
+
+
+def require_room(times: Sequence[float], size: tuple[int, int], count: int, columns: int) -> None:
+    """Make sure that animations side by side fit into memory and into a GIF, before they are drawn.
+
+    Args:
+        times: Time of each picture, s from the start.
+        size: Width and height of one animation, pixels.
+        count: Number of animations.
+        columns: Animations per row.
+
+    Raises:
+        RequestError: They do not.
+    """
+    width, height = _whole(size, count, columns)
+    pixels = len(times) * width * height
+    if max(width, height) > LARGEST or pixels > ROOM:
+        raise RequestError(
+            f"The GIF would have {len(times)} pictures of {width} x {height} pixels, {pixels / 1e6:,.0f} million in "
+            f"all; at most {ROOM / 1e6:.0f} million are drawn, and {LARGEST} along a side. Give a smaller size, fewer "
+            "gaits, fewer seconds or a lower fps."
+        )
+    longest = max((b - a for a, b in itertools.pairwise(times)), default=0.0)
+    if longest > LARGEST * TICK:
+        raise RequestError(
+            f"A picture would stay for {longest:,.0f} s, but in a GIF for at most {LARGEST * TICK:.0f} s; give a "
+            "greater speed or fps."
+        )
+
+
+def _whole(size: tuple[int, int], count: int, columns: int) -> tuple[int, int]:
+    """Return the width and height of animations side by side, pixels."""
+    columns = min(columns, count)
+    rows = -(-count // columns)
+    return columns * (size[0] + GAP) - GAP, rows * (size[1] + GAP) - GAP
 
 
 def animation(
@@ -61,8 +103,7 @@ def side_by_side(films: Sequence[list[Image.Image]], columns: int) -> list[Image
     """
     width, height = films[0][0].size
     columns = min(columns, len(films))
-    rows = -(-len(films) // columns)
-    whole = (columns * (width + GAP) - GAP, rows * (height + GAP) - GAP)
+    whole = _whole((width, height), len(films), columns)
     frames = []
     for k in range(max(len(film) for film in films)):
         frame = Image.new("RGB", whole, PAPER)

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from pga_me_ros.arguments import number, whole_number
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.dependencies import require_installed
 from pga_me_ros.errors import RequestError
@@ -14,6 +15,17 @@ from pga_me_ros.player.recorded_gait import evaluated_again, steps_between
 from pga_me_ros.player.watched_rollout import Recording
 from pga_me_ros.tasks.protocol import Task
 from pga_me_ros.tasks.rollout import Episode
+
+LIMITS = {
+    "start": (0.0, 1_000_000),
+    "seconds": (0.001, 1_000_000),
+    "speed": (0.001, 1000),
+    "fps": (0.01, 1000),
+}
+"""Least and greatest values of options."""
+
+MOST_PIXELS = 4096
+"""Greatest width and height of one gait's picture."""
 
 
 @dataclass(frozen=True)
@@ -27,6 +39,9 @@ class GifOptions:
         fps: Pictures per simulated second.
         size: Width and height, pixels.
         seed: Seed of another initial pose to begin in; None repeats the evaluation that the behavior was found with.
+
+    Raises:
+        RequestError: A number is not within `LIMITS`, or a side of more than `MOST_PIXELS`.
     """
 
     start: float = 0.0
@@ -35,6 +50,22 @@ class GifOptions:
     fps: float = 20.0
     size: tuple[int, int] = (360, 270)
     seed: int | None = None
+
+    def __post_init__(self) -> None:
+        """Check the numbers.
+
+        Raises:
+            RequestError: One is not within its limits.
+        """
+        for name, (low, high) in LIMITS.items():
+            value = number(name, getattr(self, name))
+            if not low <= value <= high:
+                raise RequestError(f"{name} is {value:g}; give a number from {low:g} to {high:,}.")
+        if not all(1 <= whole_number("size", pixels) <= MOST_PIXELS for pixels in self.size):
+            width, height = self.size
+            raise RequestError(
+                f"size is {width} x {height}; give a width and a height of 1 to {MOST_PIXELS} pixels."
+            )
 
 
 def require_pillow() -> None:
@@ -61,7 +92,7 @@ def draw_gif(task: Task, settings: Settings, gait: Gait, out: Path, options: Gif
 
     Raises:
         MissingDependencyError: Pillow is not installed.
-        RequestError: The episode ends before `options.start`.
+        RequestError: The episode ends before `options.start`, or the GIF would be too large or too slow.
         StorageError: The file cannot be written.
         TaskError: The task has no `body`, or its robot cannot be shown.
     """
@@ -91,23 +122,23 @@ def draw_gallery(
 
     Raises:
         MissingDependencyError: Pillow is not installed.
-        RequestError: An episode ends before `options.start`.
+        RequestError: An episode ends before `options.start`, or the GIF would be too large or too slow.
         StorageError: The file cannot be written.
         TaskError: The task has no `body`, or its robot cannot be shown.
     """
     require_pillow()
-    from pga_me_ros.render.animation import animation, save_gif, side_by_side
+    from pga_me_ros.render.animation import animation, require_room, save_gif, side_by_side
 
     period = task.spec.control_period
-    episodes, films = [], []
-    longest: list[float] = []
-    for gait in gaits:
-        whole, recording, times = _shown(task, settings, gait, options)
-        episodes.append(whole.episode)
-        films.append(animation(recording, gait, period, options.size))
-        longest = max(longest, times, key=len)
-    save_gif(out, side_by_side(films, columns), longest)
-    return episodes
+    shown = [_shown(task, settings, gait, options) for gait in gaits]
+    times = max((times for _, _, times in shown), key=len)
+    require_room(times, options.size, len(gaits), columns)
+    films = [
+        animation(recording, gait, period, options.size)
+        for gait, (_, recording, _) in zip(gaits, shown, strict=True)
+    ]
+    save_gif(out, side_by_side(films, columns), times)
+    return [whole.episode for whole, _, _ in shown]
 
 
 def _shown(

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from PIL import Image
 
+from pga_me_ros.errors import RequestError
 from pga_me_ros.player.camera import Camera
 from pga_me_ros.player.gait import Gait
 from pga_me_ros.player.watched_rollout import Recording
@@ -24,6 +25,13 @@ GAP = 3
 """Space between two pictures, pixels."""
 
 
+SIZE = (176, 132)
+"""Width and height of a picture, pixels."""
+
+ROOM = 200_000_000
+"""Most pixels of a sheet."""
+
+
 @dataclass(frozen=True)
 class Row:
     """A gait and an episode of it."""
@@ -32,12 +40,30 @@ class Row:
     recording: Recording
 
 
+def sheet_size(rows: int, columns: int) -> tuple[int, int]:
+    """Return the width and height of a sheet, pixels.
+
+    Args:
+        rows: Number of gaits.
+        columns: Moments per gait.
+
+    Raises:
+        RequestError: It is too large to be drawn.
+    """
+    width, height = LABEL + columns * (SIZE[0] + GAP), HEAD + rows * (SIZE[1] + GAP)
+    if width * height > ROOM:
+        raise RequestError(
+            f"A sheet of {rows} gaits at {columns} moments would have {width} x {height} pixels; at most "
+            f"{ROOM / 1e6:.0f} million are drawn: give a smaller --sheet or fewer --columns."
+        )
+    return width, height
+
+
 def contact_sheet(
     title: str,
     rows: Sequence[Row],
     columns: int,
     period: float,
-    size: tuple[int, int] = (176, 132),
 ) -> Image.Image:
     """Draw a contact sheet.
 
@@ -46,16 +72,11 @@ def contact_sheet(
         rows: What to show, all of the same robot.
         columns: Moments per gait, evenly spaced over its episode.
         period: Time of a step, s.
-        size: Width and height of a picture, pixels.
     """
-    width, height = size
-    sheet = Image.new(
-        "RGB",
-        (LABEL + columns * (width + GAP), HEAD + len(rows) * (height + GAP)),
-        PAPER,
-    )
+    width, height = SIZE
+    sheet = Image.new("RGB", sheet_size(len(rows), columns), PAPER)
     write(sheet, (8, 8), [title], LETTERS + 2)
-    scene = open_scene(rows[0].recording, *size)
+    scene = open_scene(rows[0].recording, *SIZE)
     try:
         for i, row in enumerate(rows):
             top = HEAD + i * (height + GAP)
