@@ -7,7 +7,9 @@ import dataclasses
 import math
 import shlex
 import sys
-from collections.abc import Sequence
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +20,7 @@ from pga_me_ros.core.archive.corrected import CorrectedMetrics, complete_metrics
 from pga_me_ros.core.archive.metrics import Metrics
 from pga_me_ros.core.runs.stored_actor import StoredActor
 from pga_me_ros.core.storage.actor_file import save_actor
-from pga_me_ros.core.storage.files import make_folder, save_bytes
+from pga_me_ros.core.storage.files import make_folder, rename_file, save_bytes
 from pga_me_ros.core.storage.reevaluations import Reevaluations
 from pga_me_ros.core.storage.run_info import SCHEMA_VERSION
 from pga_me_ros.core.storage.stored_run import REPERTOIRE, StoredRun
@@ -79,27 +81,51 @@ def thin(options: argparse.Namespace, command: str) -> Path:
     out: Path = options.out
     if (out / REPERTOIRE).exists():
         raise StorageError(f"'{out}' holds a repertoire; give --out another folder, or remove it.")
+    if out.is_dir() and any(out.iterdir()):
+        raise StorageError(f"The folder '{out}' is not empty; give --out a new one.")
     kept = thinned(run.archive, run.statistics, wanted)
-    make_folder(out)
+    elsewhere = [_rows_of(others, kept) for others in run.elsewhere]
     rows = _rows_of(run.reevaluations, kept)
     known = rows.statistics(kept)
     measured = complete_metrics(kept, known)
     assert measured is not None
     info = dataclasses.replace(run.info, schema_version=SCHEMA_VERSION)
     last = _metrics(run.metrics[-1], kept)
-    store_whole_run(out / REPERTOIRE, info, kept, [last], run.generations[-1].rates, closed=True)
-    rows.with_measure(last.generation, measured).save(out / REPERTOIRE)
-    for others in run.elsewhere:
-        _rows_of(others, kept).save(out / REPERTOIRE)
-    if actor:
-        save_actor(out / REPERTOIRE, info.run_id, run.spec, actor.actor, actor.generation)
     text = card(out.name, run, kept, known, (whole, measured), command, options.remark, actor)
-    save_bytes(out / CARD, f"{text}\n".encode())
+    with _appearing_at_once(out) as folder:
+        file, rates = folder / REPERTOIRE, run.generations[-1].rates
+        store_whole_run(file, info, kept, [last], rates, closed=True)
+        for own in (rows.with_measure(last.generation, measured), *elsewhere):
+            own.save(file)
+        if actor:
+            save_actor(file, info.run_id, run.spec, actor.actor, actor.generation)
+        save_bytes(folder / CARD, f"{text}\n".encode())
     size = sum(file.stat().st_size for file in out.iterdir())
     print(f"{len(kept)} behaviors of {run.archive.coverage}, {size / 1e6:.1f} MB", file=sys.stderr)
     if size > LARGE:
         print(f"note: more than {LARGE / 1e6:.0f} MB; lower --cells to ship it", file=sys.stderr)
     return out
+
+
+@contextmanager
+def _appearing_at_once(out: Path) -> Iterator[Path]:
+    """Provide a folder whose files come into another one when a block is done, the repertoire last; if it fails, none.
+
+    Raises:
+        StorageError: The folder cannot be made, or cannot be written to.
+    """
+    new = not out.exists()
+    make_folder(out)
+    try:
+        with tempfile.TemporaryDirectory(prefix=".thin-", dir=out) as folder:
+            yield Path(folder)
+            for file in sorted(Path(folder).iterdir(), key=lambda file: file.name == REPERTOIRE):
+                rename_file(file, out / file.name)
+    except BaseException:
+        if new:
+            with suppress(OSError):
+                out.rmdir()
+        raise
 
 
 def _wanted(options: argparse.Namespace) -> Thinning:

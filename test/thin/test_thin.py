@@ -8,6 +8,7 @@ import shutil
 import sqlite3
 from collections.abc import Callable
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -19,7 +20,7 @@ from pga_me_ros.core.archive.statistics import Statistics
 from pga_me_ros.core.storage.reevaluations import file_name
 from pga_me_ros.core.storage.shipped import VARIABLE
 from pga_me_ros.core.storage.stored_run import StoredRun
-from pga_me_ros.errors import RequestError
+from pga_me_ros.errors import RequestError, StorageError
 from pga_me_ros.export.__main__ import main as export
 from pga_me_ros.reevaluate.__main__ import reevaluate
 from pga_me_ros.thin.__main__ import main
@@ -207,6 +208,40 @@ def test_numbers_that_make_no_sense_are_refused(
     assert main([str(run.file.parent), "--out", str(out), *words]) == 2
     assert message in capsys.readouterr().err
     assert not out.exists()
+
+
+@pytest.mark.parametrize("step", ["Reevaluations.save", "save_bytes", "rename_file"])
+def test_a_repertoire_is_whole_or_not_there(
+    run: StoredRun,
+    tmp_path: Path,
+    step: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    fail = Mock(side_effect=StorageError("The disk is full."))
+    monkeypatch.setattr(f"pga_me_ros.thin.__main__.{step}", fail)
+    assert main([str(run.file.parent), "--out", str(tmp_path / "out")]) == 2
+    assert capsys.readouterr().err.endswith("error: The disk is full.\n")
+    assert not list(tmp_path.iterdir())
+
+
+def test_damaged_re_evaluations_in_another_world_are_found_first(
+    run: StoredRun, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    damaged = Path(shutil.copytree(run.file.parent, tmp_path / "run"))
+    (damaged / file_name(ELSEWHERE)).write_text("damaged")
+    assert main([str(damaged), "--out", str(tmp_path / "out")]) == 2
+    assert "is damaged or no file of re-evaluations" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+def test_nothing_is_mixed_with_what_a_folder_holds(
+    run: StoredRun, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "card.md").write_text("of another one")
+    assert main([str(run.file.parent), "--out", str(tmp_path)]) == 2
+    assert "is not empty; give --out a new one" in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ["card.md"]
 
 
 def test_without_re_evaluations_nothing_is_thinned(
