@@ -121,11 +121,12 @@ def load_arrays(path: Path, required: str, what: str) -> Arrays:
         zlib.error,
         ValueError,
         EOFError,
-        AttributeError,
+        TypeError,  # a single array
+        RuntimeError,  # an encrypted or otherwise packed zip file
         KeyError,
-    ) as error:
+    ):  # their words advise to allow pickles, or tell what is inside of a zip file
         raise StorageError(
-            f"'{path}' is damaged or no {what} ({error}); restore it or write it again."
+            f"'{path}' is damaged or no {what}; restore it or write it again."
         ) from None
     if str(arrays.get("format", "")) != required:
         raise StorageError(
