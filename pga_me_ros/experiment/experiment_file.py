@@ -7,13 +7,13 @@ from pathlib import Path
 from typing import Any
 
 from pga_me_ros.core.settings.rules import RULES
+from pga_me_ros.core.storage.reevaluations import MOST_REPEATS
 from pga_me_ros.errors import PgaError, SettingsError, nearest_name
 from pga_me_ros.experiment.plan import Experiment, System
 from pga_me_ros.yaml_files import read_yaml
 
 KEYS = ("systems", "tasks", "seeds", "budget", "settings", "reference", "reevaluations")
 LAYOUT = "expected the keys systems, tasks, seeds and budget; docs/experiment.md has an example"
-MOST_REEVALUATIONS = 10_000
 OF_THE_MATRIX = {"task": "tasks", "seed": "seeds", "evaluations": "budget"}
 """Settings that the matrix decides, with the key that does."""
 
@@ -76,10 +76,10 @@ def _experiment(content: Any) -> Experiment:
 
 
 def _reevaluations(given: Any) -> int:
-    if type(given) is not int or not 0 <= given <= MOST_REEVALUATIONS:
+    if type(given) is not int or not 0 <= given <= MOST_REPEATS:
         raise SettingsError(
             f"reevaluations is {given!r}; give how often each elite of a finished run is re-evaluated, 0 to "
-            f"{MOST_REEVALUATIONS:,}."
+            f"{MOST_REPEATS:,}."
         )
     return given
 

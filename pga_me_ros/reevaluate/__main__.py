@@ -17,7 +17,7 @@ from pga_me_ros.core.archive.metrics import Metrics
 from pga_me_ros.core.archive.statistics import Statistics
 from pga_me_ros.core.networks.mlp import MlpShape
 from pga_me_ros.core.storage.reevaluating import Reevaluating, fittest_first
-from pga_me_ros.core.storage.reevaluations import Reevaluations, fitness_differences
+from pga_me_ros.core.storage.reevaluations import MOST_REPEATS, Reevaluations, fitness_differences
 from pga_me_ros.core.storage.run_info import RunInfo, changed_fields, library_versions
 from pga_me_ros.core.storage.stored_run import StoredRun
 from pga_me_ros.errors import RequestError, StorageError
@@ -25,7 +25,10 @@ from pga_me_ros.paths import user_path
 from pga_me_ros.process.program import run_program
 from pga_me_ros.process.streams import tell
 from pga_me_ros.reevaluate.workers import Job, SimulatedWorld, evaluated
+from pga_me_ros.tasks.randomization import canonical
 from pga_me_ros.tasks.registry import randomization_option, task_spec
+
+MOST_PROCESSES = 1000
 
 PIECE = 10
 """Repeats of one elite in a job."""
@@ -90,10 +93,14 @@ def reevaluate(
         RequestError: A number is out of range, or the best controllers are unknown.
         TaskError: The run's task does not start.
     """
-    numbers = {"repeats": (repeats, 1), "best": (best, 1), "processes": (processes, 0)}
-    for name, (value, least) in numbers.items():
-        if value is not None and value < least:
-            raise RequestError(f"--{name} is {value}; give {least} or more.")
+    if best is not None and best < 1:
+        raise RequestError(f"--best is {best}; give 1 or more.")
+    for name, value, least, most in (
+        ("repeats", repeats, 1, MOST_REPEATS),
+        ("processes", processes, 0, MOST_PROCESSES),
+    ):
+        if not least <= value <= most:
+            raise RequestError(f"--{name} is {value}; give {least} to {most:,}.")
     stored = StoredRun.load(run)
     file, info, archive = stored.file, stored.info, stored.archive
     on_the_way = stored.bests() if bests else []
@@ -106,10 +113,10 @@ def reevaluate(
         )
     own = stored.settings.randomization
     world = SimulatedWorld(
-        stored.settings.task, own if randomization is None else randomization.strip()
+        stored.settings.task, canonical(own if randomization is None else randomization)
     )
-    randomization_option(world.task, world.randomization)  # refuses invalid text
-    elsewhere = None if world.randomization == own else world.randomization
+    randomization_option(world.task, world.randomization)  # refuses what the task cannot have
+    elsewhere = _elsewhere(stored, world.randomization)
     if bests and elsewhere is not None:
         raise RequestError("--bests is about the run's own world; leave out --randomization.")
     chosen = (
@@ -131,6 +138,21 @@ def reevaluate(
     return f"randomized: {elsewhere or 'nothing'} (the run: {own or 'nothing'})\n{text}"
 
 
+def _elsewhere(stored: StoredRun, randomization: str) -> str | None:
+    """Return the text under which a world's outcomes are stored, None for the run's own world.
+
+    Args:
+        stored: The run.
+        randomization: The world, as `canonical` returns it. Earlier versions stored it as it was given; what they have
+            stored is continued.
+    """
+    if randomization == canonical(stored.settings.randomization):
+        return None
+    texts = [rows.elsewhere or "" for rows in stored.elsewhere]
+    same = [text for text in texts if canonical(text) == randomization]
+    return randomization if randomization in same or not same else same[0]
+
+
 def luck(metrics: Sequence[Metrics], rows: Reevaluations, repeats: int) -> str:
     """Return the fitness difference of the best controllers, in words."""
     differences = fitness_differences(metrics, rows, repeats)
@@ -147,12 +169,13 @@ def summary(archive: Archive, known: Statistics) -> str:
     measured = corrected_metrics(archive, known)
     assert measured is not None
     best = known.as_elites(archive).best()
+    spread = f"{known.fitness_spread[best.cell]:.1f}" if known.repeats[best.cell] > 1 else "unknown"
     return "\n".join(
         [
             f"{measured.elites} of {archive.coverage} elites were re-evaluated, {measured.repeats} times or more",
             *in_words(measured, archive),
             f"best on average: cell {best.cell} with {best.fitness:.1f} "
-            f"(spread {known.fitness_spread[best.cell]:.1f}, found with {archive.fitness[best.cell]:.1f})",
+            f"(spread {spread}, found with {archive.fitness[best.cell]:.1f})",
         ]
     )
 

@@ -75,6 +75,18 @@ def read_ranges(text: str) -> Ranges:
     return {name: found[name] for name in KINDS if name in found}
 
 
+def canonical(text: str) -> str:
+    """Return the text that stands for all texts that `read_ranges` reads as the same: ``friction 0.30 0.60`` or others.
+
+    Raises:
+        RandomizationError: As in `read_ranges`.
+    """
+    return ", ".join(
+        " ".join([name, *(repr(x + 0.0).removesuffix(".0") for x in dict.fromkeys(limits))])
+        for name, limits in read_ranges(text).items()
+    )
+
+
 def _limits(name: str, words: list[str]) -> tuple[float, float]:
     """Return the limits of a kind.
 

@@ -29,7 +29,7 @@ from pga_me_ros.core.storage.reevaluations import (
     fitness_differences,
 )
 from pga_me_ros.core.storage.repertoire import Repertoire
-from pga_me_ros.core.storage.stored_run import REPERTOIRE
+from pga_me_ros.core.storage.stored_run import REPERTOIRE, StoredRun
 from pga_me_ros.errors import RequestError, StorageError
 from pga_me_ros.reevaluate.__main__ import reevaluate
 from pga_me_ros.tasks.registry import make_task, task_spec
@@ -96,6 +96,28 @@ def test_nothing_is_done_twice(run: Path) -> None:
     said = reevaluate(run, 2)
     assert (run / FILE).read_bytes() == content
     assert "3 times or more" in said
+
+
+def test_a_world_has_one_file_however_it_is_written(
+    fresh: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("pga_me_ros.reevaluate.__main__.canonical", str)  # as earlier versions
+    reevaluate(fresh, 1, best=1, processes=1, randomization="friction 0.30 0.60")
+    (old,) = fresh.glob("reevaluations-*.npz")
+    monkeypatch.undo()
+    reevaluate(fresh, 2, best=1, processes=1, randomization="friction 0.3 0.6")
+    reevaluate(fresh, 1, best=1, processes=1, randomization="push 3,mass 0.90 1.1")
+    reevaluate(fresh, 1, best=1, processes=1, randomization=" mass 0.9 1.1, push 3 3.0")
+    worlds = {rows.elsewhere: len(rows.fitness) for rows in StoredRun.load(fresh).elsewhere}
+    assert worlds == {"friction 0.30 0.60": 2, "mass 0.9 1.1, push 3": 1}
+    assert old in fresh.iterdir()
+
+
+def test_one_re_evaluation_tells_no_spread(fresh: Path) -> None:
+    said = reevaluate(fresh, 1, best=2, processes=1)
+    assert "nan" not in said
+    assert "to the next): unknown, since some were re-evaluated only once" in said
+    assert "(spread unknown, found with" in said
 
 
 def test_the_best_of_every_generation_is_re_evaluated(new_run: Callable[..., Path]) -> None:
@@ -232,6 +254,11 @@ def leave_out(file: Path) -> None:
     save_arrays(file, arrays)
 
 
+def replace_by_array(file: Path) -> None:
+    with file.open("wb") as content:
+        np.save(content, np.zeros(3))
+
+
 def replace_by_text(file: Path) -> None:
     file.write_text("fitness\n1.0\n")
 
@@ -241,7 +268,8 @@ def replace_by_text(file: Path) -> None:
     [
         (cut, "damaged or no file of re-evaluations"),
         (flip, "damaged"),
-        (replace_by_text, "damaged or no file of re-evaluations"),
+        (replace_by_text, r"damaged or no file of re-evaluations; restore it or write it again\.$"),
+        (replace_by_array, "damaged or no file of re-evaluations"),
         (rename_run, "is of run another"),
         (shorten, "array 'fitness' is float64 of the shape"),
         (make_nan, "not finite"),
@@ -269,7 +297,12 @@ def test_a_task_that_has_changed_is_not_simulated(
 
 
 @pytest.mark.parametrize(
-    "numbers", [{"repeats": 0}, {"repeats": -3}, {"best": 0}, {"processes": -1}]
+    "numbers",
+    [
+        *({"repeats": count} for count in (0, -3, 99_999_999_999)),
+        *({"processes": count} for count in (-1, 99_999_999_999)),
+        {"best": 0},
+    ],
 )
 def test_invalid_numbers_are_refused(run: Path, numbers: dict[str, int]) -> None:
     (name,) = numbers

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 import pytest
 
 from pga_me_ros.errors import TaskError
-from pga_me_ros.tasks.randomization import KINDS, RandomizationError, read_ranges
+from pga_me_ros.tasks.randomization import KINDS, RandomizationError, canonical, read_ranges
 from pga_me_ros.tasks.registry import make_task, randomization_option
 from pga_me_ros.tasks.spec import TaskSpec
 
@@ -23,6 +23,21 @@ def test_kinds_come_in_their_own_order_whatever_that_of_the_text() -> None:
 
 def test_one_number_is_always_the_same() -> None:
     assert read_ranges("delay 2") == {"delay": (2.0, 2.0)}
+
+
+@pytest.mark.parametrize(
+    ("text", "same"),
+    [
+        ("friction 0.30  6e-1", "friction 0.3 0.6"),
+        ("push 0 100,mass 0.8 1.2", "mass 0.8 1.2, push 0 100"),
+        ("delay 2.0 2", "delay 2"),
+        ("noise -0.0 0.00001", "noise 0 1e-05"),
+        (" ", ""),
+    ],
+)
+def test_texts_with_the_same_ranges_have_one_text(text: str, same: str) -> None:
+    assert canonical(text) == canonical(same) == same
+    assert read_ranges(text) == read_ranges(same)
 
 
 @pytest.mark.parametrize("text", ["", "   "])

@@ -180,12 +180,16 @@ def in_words(measured: CorrectedMetrics, archive: Archive) -> list[str]:
         archive: The archive.
     """
     m = measured
+    spread = (
+        "unknown, since some were re-evaluated only once"
+        if m.repeats < 2
+        else f"fitness {m.fitness_spread:.1f}, descriptor {m.descriptor_spread:.3f}"
+    )
     lines = [
         f"fitness: {m.mean_fitness + m.fitness_difference:.1f} when they were found, {m.mean_fitness:.1f} on average "
         f"since (difference {m.fitness_difference:.1f})",
         f"descriptor: the mean lies {m.descriptor_error:.3f} from the one that they were found with",
-        "reproducibility (standard deviation from one evaluation of an elite to the next): fitness "
-        f"{m.fitness_spread:.1f}, descriptor {m.descriptor_spread:.3f}",
+        f"reproducibility (standard deviation from one evaluation of an elite to the next): {spread}",
         f"falls: {100.0 * m.fall_share:.1f} % of the episodes",
     ]
     if m.elites == archive.coverage:

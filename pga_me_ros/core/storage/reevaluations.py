@@ -27,6 +27,9 @@ from pga_me_ros.errors import StorageError
 FILE = "reevaluations.npz"
 """Name of the file in the folder of the repertoire."""
 
+MOST_REPEATS = 10_000
+"""Most re-evaluations of an elite."""
+
 FORMAT = "pga_me_ros reevaluations 1"
 
 _ELSEWHERE = "reevaluations-*.npz"
