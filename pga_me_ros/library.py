@@ -123,7 +123,7 @@ class StoredRun(stored_run.StoredRun):
             The file.
 
         Raises:
-            PgaError: Pillow is not installed, or the task cannot be drawn.
+            PgaError: Pillow is not installed, the task cannot be drawn, or a number is out of bounds.
             StorageError: The file cannot be written.
         """
         from pga_me_ros.render.behavior_gif import GifOptions, draw_gif

@@ -155,7 +155,9 @@ def require_published(wanted: Iterable[tuple[str, str, float]]) -> None:
         return
     what = f"the authors published nothing on {', '.join(dict.fromkeys(words))}"
     if not known:
-        raise RequestError(f"--paper: {what}; leave it out. They did on {', '.join(TASKS)}.")
+        raise RequestError(
+            f"--paper: {what}; leave it out. They did on {', '.join(TASKS)}, by {', '.join(SYSTEMS)}."
+        )
     print(f"note: {what}", file=sys.stderr)
 
 
