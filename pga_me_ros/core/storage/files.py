@@ -20,7 +20,7 @@ def make_folder(path: Path) -> None:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise StorageError(
-            f"Cannot make the folder '{path}' ({error.strerror}); choose one in a folder that "
+            f"Cannot make the folder '{path}' ({error.strerror}); choose another one, in a folder that "
             "can be written to."
         ) from None
     if not os.access(path, os.W_OK | os.X_OK):

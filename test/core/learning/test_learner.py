@@ -129,7 +129,7 @@ def test_experience_lost_on_disk_is_reported(tmp_path):
 
 def test_a_folder_that_cannot_be_made_is_reported(tmp_path):
     (tmp_path / "file").touch()
-    with pytest.raises(StorageError, match="choose one in a folder that can be"):
+    with pytest.raises(StorageError, match="choose another one, in a folder that can be"):
         ResumableLearner(Lane.spec, BRIEF, tmp_path / "file" / "run")
 
 

@@ -169,13 +169,15 @@ def test_a_file_where_a_folder_should_be_is_named(tmp_path: Path, name: str) -> 
     path = tmp_path / "run" / name
     path.parent.mkdir(exist_ok=True)
     path.write_text("in the way")
-    with pytest.raises(StorageError, match=f"{path}' .*File exists.*choose one in a folder"):
+    with pytest.raises(
+        StorageError, match=f"{path}' .*File exists.*choose another one, in a folder"
+    ):
         start(tmp_path / "run")
 
 
 @pytest.mark.parametrize("path", ["/proc/run", "/proc/1/run", "/dev/null/run"])
 def test_a_folder_that_cannot_be_made_is_named(path: str) -> None:
-    with pytest.raises(PgaError, match=f"'{path}'.*choose one in a folder that can be"):
+    with pytest.raises(PgaError, match=f"'{path}'.*choose another one, in a folder that can be"):
         start(Path(path))
 
 
