@@ -8,6 +8,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from pga_me_ros.arguments import ArgumentParser
 from pga_me_ros.core.storage.database import explained
 from pga_me_ros.core.storage.file_lock import FileLock
 from pga_me_ros.core.storage.files import make_folder, replace_file
@@ -119,7 +120,7 @@ def _may_be_cell(word: str) -> bool:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = ArgumentParser(
         prog="experiment",
         description="Run the systems, tasks and seeds of a YAML file, as many in parallel as there are cores. "
         "The same command resumes where it stopped; `report FOLDER` compares the results.",

@@ -10,6 +10,7 @@ from typing import Any
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as in evaluators
 
+from pga_me_ros.arguments import ArgumentParser
 from pga_me_ros.core.storage.files import require_writable
 from pga_me_ros.core.storage.stored_run import StoredRun
 from pga_me_ros.errors import RequestError
@@ -182,7 +183,7 @@ def _recorded(
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="explorer", description=__doc__)
+    parser = ArgumentParser(prog="explorer", description=__doc__)
     parser.add_argument(
         "runs",
         type=user_path,

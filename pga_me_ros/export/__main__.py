@@ -7,6 +7,7 @@ import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from pga_me_ros.arguments import ArgumentParser
 from pga_me_ros.core.archive.elites import Elite
 from pga_me_ros.core.runs.stored_actor import StoredActor
 from pga_me_ros.core.storage.files import save_bytes
@@ -163,7 +164,7 @@ def _make_folder(path: Path) -> None:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = ArgumentParser(
         prog="export",
         description="Write a repertoire, or one controller of it, for other programs; docs/export.md has the formats.",
     )

@@ -10,6 +10,7 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
+from pga_me_ros.arguments import ArgumentParser
 from pga_me_ros.arrays import Float32Array
 from pga_me_ros.core.archive.archive import Archive
 from pga_me_ros.core.archive.corrected import corrected_metrics, in_words
@@ -267,7 +268,7 @@ class _Progress:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = ArgumentParser(
         prog="reevaluate",
         description="Re-evaluate the elites of a run from other initial poses, and store the outcomes next to its "
         "repertoire. Behaviors then have a mean, a spread and a share of falls, and the corrected archive is known. "

@@ -12,6 +12,7 @@ from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as in evaluators
 
+from pga_me_ros.arguments import ArgumentParser
 from pga_me_ros.core.archive.choosing import Demands, Judging
 from pga_me_ros.core.storage.files import require_writable, save_bytes
 from pga_me_ros.core.storage.stored_run import StoredBehavior, StoredRun
@@ -183,7 +184,7 @@ def _tell(gait: Gait, episode: Episode, seed: int | None, period: float) -> None
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="render", description=__doc__)
+    parser = ArgumentParser(prog="render", description=__doc__)
     parser.add_argument("run", type=user_path, help="folder of a run, or its repertoire file")
     which = parser.add_mutually_exclusive_group()
     which.add_argument("--best", action="store_true", help="draw the fittest gait (the default)")

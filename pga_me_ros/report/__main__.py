@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from pga_me_ros.arguments import ArgumentParser
 from pga_me_ros.core.archive.corrected import complete_metrics
 from pga_me_ros.core.storage.files import make_folder, save_bytes
 from pga_me_ros.core.storage.stored_run import StoredRun
@@ -157,7 +158,7 @@ def main(args: Sequence[str] | None = None) -> int:
     Returns:
         Exit status, as for `run_program`.
     """
-    parser = argparse.ArgumentParser(prog="report", description=__doc__)
+    parser = ArgumentParser(prog="report", description=__doc__)
     parser.add_argument(
         "runs",
         nargs="+",

@@ -6,7 +6,6 @@ status is 1 if there are any.
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections.abc import Callable
 from functools import partial
@@ -14,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from pga_me_ros.arguments import ArgumentParser
 from pga_me_ros.dependencies import missing_dependency
 from pga_me_ros.errors import PgaError
 from pga_me_ros.tasks.protocol import NonFiniteActionError
@@ -244,7 +244,7 @@ def _rng(seed: int) -> np.random.Generator:
 
 def main(arguments: list[str]) -> int:
     """Check the tasks named on the command line and print what is wrong with them."""
-    parser = argparse.ArgumentParser(
+    parser = ArgumentParser(
         prog="python -m pga_me_ros.tasks.check",
         description="Check that tasks follow the task protocol, and print what is wrong with each.",
     )

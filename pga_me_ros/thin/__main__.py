@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
+from pga_me_ros.arguments import ArgumentParser
 from pga_me_ros.core.algorithms import algorithm_of
 from pga_me_ros.core.archive.archive import Archive
 from pga_me_ros.core.archive.corrected import CorrectedMetrics, complete_metrics
@@ -201,7 +202,7 @@ def _metrics(last: Metrics, kept: Archive) -> Metrics:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = ArgumentParser(
         prog="thin",
         description="Thin a repertoire whose elites were re-evaluated: keep those with the greatest mean fitness, "
         "spread over the descriptor space. Writes a folder with the repertoire, the re-evaluations of what is kept, "
