@@ -159,7 +159,7 @@ def test_progress_is_shown_where_there_is_no_terminal(
 @contextmanager
 def started(run: Path) -> Iterator[subprocess.Popen[str]]:
     """Start a very large number of re-evaluations, and wait until the first ones are stored."""
-    command = [sys.executable, "-m", "pga_me_ros.reevaluate", str(run), "--repeats", "20000"]
+    command = [sys.executable, "-m", "pga_me_ros.reevaluate", str(run), "--repeats", "10000"]
     command += ["--processes", "1"]
     process = subprocess.Popen(
         command,
