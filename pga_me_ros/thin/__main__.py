@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pga_me_ros.arguments import ArgumentParser
+from pga_me_ros.arguments import ArgumentParser, number
 from pga_me_ros.core.algorithms import algorithm_of
 from pga_me_ros.core.archive.archive import Archive
 from pga_me_ros.core.archive.corrected import CorrectedMetrics, complete_metrics
@@ -72,8 +72,8 @@ def thin(options: argparse.Namespace, command: str) -> Path:
         The folder that was written.
 
     Raises:
-        PgaError: The run cannot be read, its elites were not all re-evaluated, none is as steady as wanted, or the
-            folder cannot be written or holds a repertoire.
+        PgaError: The run cannot be read, its elites were not all re-evaluated, none is as steady and fit as wanted, or
+            the folder cannot be written or holds a repertoire.
     """
     wanted = _wanted(options)
     run = StoredRun.load(options.run)
@@ -142,7 +142,7 @@ def _wanted(options: argparse.Namespace) -> Thinning:
         if value is not None and not 0.0 <= value <= 1.0:
             raise RequestError(f"--{name} is {value}; give a share from 0 to 1.")
     fall_share, spread = (math.inf if value is None else value for value in limits.values())
-    return Thinning(options.cells, fall_share, spread)
+    return Thinning(options.cells, fall_share, spread, number("--min-fitness", options.min_fitness))
 
 
 def _measured(run: StoredRun) -> CorrectedMetrics:
@@ -232,6 +232,13 @@ def _parser() -> argparse.ArgumentParser:
         type=float,
         metavar="SHARE",
         help="keep none whose descriptor has a greater standard deviation, in shares of its range",
+    )
+    parser.add_argument(
+        "--min-fitness",
+        type=float,
+        default=-math.inf,
+        metavar="FITNESS",
+        help="keep none with a lower mean fitness",
     )
     parser.add_argument(
         "--remark",

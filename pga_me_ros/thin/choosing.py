@@ -28,11 +28,13 @@ class Thinning:
         max_fall_share: Greatest share of an elite's re-evaluations that ended in a fall.
         max_spread: Greatest standard deviation of an elite's descriptor, mean over its dimensions, in shares of their
             ranges.
+        min_fitness: Least mean fitness of an elite.
     """
 
     most: int
     max_fall_share: float = math.inf
     max_spread: float = math.inf
+    min_fitness: float = -math.inf
 
 
 def thinned(archive: Archive, known: Statistics, wanted: Thinning) -> Archive:
@@ -47,7 +49,7 @@ def thinned(archive: Archive, known: Statistics, wanted: Thinning) -> Archive:
         wanted: What is kept.
 
     Raises:
-        RequestError: No elite is as steady as wanted.
+        RequestError: No elite is as steady and as fit as wanted.
     """
     steady = _steady(archive, known, wanted)
     candidates = len(steady.known(archive))
@@ -81,11 +83,14 @@ def _steady(archive: Archive, known: Statistics, wanted: Thinning) -> Statistics
         fits &= known.fall_share <= wanted.max_fall_share
     if wanted.max_spread < math.inf:
         fits &= spread <= wanted.max_spread
+    if wanted.min_fitness > -math.inf:
+        fits &= known.mean_fitness >= wanted.min_fitness
     if not (fits & archive.filled).any():
+        fittest = np.nanmax(known.mean_fitness)
         raise RequestError(
-            "No behavior is as steady as wanted: the one that falls least does in "
-            f"{100.0 * np.nanmin(known.fall_share):.1f} % of its re-evaluations, and the least spread of a descriptor "
-            f"is {np.nanmin(spread):.3f}; allow more."
+            "No behavior is as steady and as fit as wanted: the one that falls least does in "
+            f"{100.0 * np.nanmin(known.fall_share):.1f} % of its re-evaluations, the least spread of a descriptor "
+            f"is {np.nanmin(spread):.3f}, and the greatest mean fitness {fittest:.1f}; allow more."
         )
     return dataclasses.replace(known, repeats=np.where(fits, known.repeats, 0))
 

@@ -195,6 +195,8 @@ def test_a_repertoire_is_not_overwritten(
         (["--cells", "0"], "--cells is 0; give 1 or more"),
         (["--max-fall-share", "5"], "--max-fall-share is 5.0; give a share from 0 to 1"),
         (["--max-spread", "-1"], "--max-spread is -1.0; give a share from 0 to 1"),
+        (["--min-fitness", "nan"], "--min-fitness is or holds nan; give a number"),
+        (["--min-fitness", "1e9"], "No behavior is as steady and as fit as wanted"),
     ],
 )
 def test_numbers_that_make_no_sense_are_refused(
@@ -293,8 +295,17 @@ def test_what_falls_or_varies_too_much_is_left_out(archive: Archive) -> None:
     kept = thinned(archive, statistics, Thinning(10, max_fall_share=0.2))
     assert len(kept)
     assert not (kept.evaluations[kept.filled] % 2).any()
-    with pytest.raises(RequestError, match=r"least spread of a descriptor is 0\.100; allow more"):
+    with pytest.raises(RequestError, match=r"least spread of a descriptor is 0\.100, and the"):
         thinned(archive, statistics, Thinning(10, max_spread=0.05))
+
+
+def test_what_is_not_fit_enough_is_left_out(archive: Archive) -> None:
+    statistics = known(archive, np.arange(40.0), np.zeros(40), 0.1)
+    kept = thinned(archive, statistics, Thinning(40, min_fitness=30.0))
+    assert len(kept)
+    assert kept.evaluations[kept.filled].min() >= 30
+    with pytest.raises(RequestError, match=r"the greatest mean fitness 39\.0; allow more"):
+        thinned(archive, statistics, Thinning(40, min_fitness=39.5))
 
 
 def test_pauses_do_not_count_as_time(run: StoredRun) -> None:
