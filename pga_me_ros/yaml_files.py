@@ -27,13 +27,18 @@ class _Loader(yaml.SafeLoader):
         return super().construct_mapping(node, deep)
 
 
+def parameter(name: str, value: Any) -> str:
+    """Return ``name:=value`` as a node reads it after ``-p``, whatever a text holds: JSON is YAML."""
+    return f"{name}:={json.dumps(value)}"
+
+
 def parameter_word(name: str, text: str) -> str:
     """Return ``name:=text``, quoted for a shell and for the YAML that ROS 2 reads after ``-p``."""
     try:
         plain = yaml.safe_load(text) == text
     except yaml.YAMLError:
         plain = False
-    return shlex.quote(f"{name}:={text if plain else json.dumps(text)}")
+    return shlex.quote(f"{name}:={text}" if plain else parameter(name, text))
 
 
 def read_yaml(path: Path, what: str, layout: str) -> Any:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -11,6 +10,7 @@ from rclpy.client import Client
 
 from pga_me_ros.errors import PgaError
 from pga_me_ros.process.child import ChildProcess, python_module, stop
+from pga_me_ros.yaml_files import parameter
 
 READY = 60.0
 """Seconds that a node may take to start, on a busy machine."""
@@ -40,7 +40,7 @@ class Companions:
         """Start a node; its name is that of its module in `pga_me_ros.nodes`."""
         arguments = ["--ros-args", "-r", f"__ns:={self._namespace}"]
         for key, value in parameters.items():
-            arguments += ["-p", f"{key}:={json.dumps(value)}"]  # JSON is YAML
+            arguments += ["-p", parameter(key, value)]
         command = python_module(f"pga_me_ros.nodes.{name}", *arguments)
         self._nodes[name] = ChildProcess(command, self._folder / f"{name}.log")
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import json
 import os
 import tempfile
 from pathlib import Path
@@ -13,6 +12,7 @@ from rclpy.node import Node
 from pga_me_ros.core.storage.shipped import located
 from pga_me_ros.errors import PgaError, StorageError
 from pga_me_ros.process.child import ChildProcess, python_module, stop
+from pga_me_ros.yaml_files import parameter
 
 _count = itertools.count(1)
 
@@ -40,11 +40,10 @@ class OwnServer:
         self.prefix = f"/{node.get_name()}_{os.getpid()}_{next(_count)}"
         self._output = tempfile.TemporaryDirectory(prefix="pga_me_ros-")
         arguments = ["--ros-args", "-r", f"__ns:={self.prefix}", "-p"]
-        # JSON is YAML: a path may hold what means something there.
         command = python_module(
             "pga_me_ros.nodes.archive_manager",
             *arguments,
-            f"repertoire:={json.dumps(str(path.resolve()))}",
+            parameter("repertoire", str(path.resolve())),
         )
         self._process = ChildProcess(
             command,

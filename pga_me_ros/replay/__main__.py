@@ -84,18 +84,19 @@ def _require_use(options: argparse.Namespace, ros_args: Sequence[str]) -> None:
         RequestError: There is one.
     """
     use = "--publish" if options.publish else "--into" if options.into else "--out"
-    useless = {
-        f"--{name.replace('_', '-')}": other
+    given = [
+        (f"--{name.replace('_', '-')}", other)
         for other, names in USES.items()
         for name in names
-        if other != use and getattr(options, name) is not None
-    }
-    if ros_args and use != "--publish":
-        useless[" ".join(ros_args)] = "--publish"
-    for name, other in useless.items():
-        raise RequestError(
-            f"'{name}' has a meaning only with {other}, not with {use}; leave it out."
-        )
+        if getattr(options, name) is not None
+    ]
+    if ros_args:
+        given.append((" ".join(ros_args), "--publish"))
+    for words, other in given:
+        if other != use:
+            raise RequestError(
+                f"'{words}' has a meaning only with {other}, not with {use}; leave it out."
+            )
 
 
 def train(options: argparse.Namespace) -> str:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from pga_me_ros.core.settings.field import setting
+from pga_me_ros.core.storage.reevaluations import MOST_REPEATS
 from pga_me_ros.errors import SettingsError
 
 LISTEN = 4.0
@@ -74,7 +75,7 @@ class RunOptions:
         "Evaluations of each elite from other initial poses once the budget is reached; 0 for none. They tell what a "
         "behavior is worth on average, and count apart from the budget.",
         low=0,
-        high=10_000,
+        high=MOST_REPEATS,
         unit="evaluations per elite",
     )
     tensorboard: bool = setting(

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pga_me_ros.arguments import ArgumentParser, number
+from pga_me_ros.arguments import ArgumentParser, number, share
 from pga_me_ros.core.algorithms import algorithm_of
 from pga_me_ros.core.archive.archive import Archive
 from pga_me_ros.core.archive.corrected import CorrectedMetrics, complete_metrics
@@ -138,10 +138,9 @@ def _wanted(options: argparse.Namespace) -> Thinning:
     if options.cells < 1:
         raise RequestError(f"--cells is {options.cells}; give 1 or more.")
     limits = {"max-fall-share": options.max_fall_share, "max-spread": options.max_spread}
-    for name, value in limits.items():
-        if value is not None and not 0.0 <= value <= 1.0:
-            raise RequestError(f"--{name} is {value}; give a share from 0 to 1.")
-    fall_share, spread = (math.inf if value is None else value for value in limits.values())
+    fall_share, spread = (
+        math.inf if value is None else share(f"--{name}", value) for name, value in limits.items()
+    )
     return Thinning(options.cells, fall_share, spread, number("--min-fitness", options.min_fitness))
 
 
