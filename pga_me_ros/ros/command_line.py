@@ -124,7 +124,12 @@ def check(program: Program, args: Sequence[str]) -> None:
                     _refuse_empty_lists(values)
         elif flag in PARAM:
             name, is_given, text = value.partition(":=")
-            name = name.rpartition(":")[2]
+            whose, _, name = name.rpartition(":")
+            if whose and not matches(whose, node):
+                raise SettingsError(
+                    f"'{flag} {value}' is for a node '/{whose.lstrip('/')}', and this one is '{node}'; "
+                    f"leave out '{whose}:' if you mean this one."
+                )
             if is_given and not is_ros_own(name):  # rcl will report what else it may be
                 _require_known(program, name, f"{flag} {value}")
             _refuse_empty_lists({name: _yaml(text)})

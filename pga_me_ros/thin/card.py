@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import shlex
 import statistics
 from collections.abc import Iterator, Sequence
 from datetime import datetime
@@ -18,6 +19,7 @@ from pga_me_ros.core.archive.statistics import Statistics
 from pga_me_ros.core.runs.stored_actor import StoredActor
 from pga_me_ros.core.storage.rows import Generation
 from pga_me_ros.core.storage.stored_run import StoredRun
+from pga_me_ros.yaml_files import parameter, parameter_word
 
 PAUSE = 10.0
 """How many times as long as the median generation a generation takes that was interrupted."""
@@ -193,7 +195,7 @@ def _not_for(run: StoredRun, kept: Archive, known: Statistics) -> Iterator[str]:
 def _commands(run: StoredRun, repeats: int, command: str) -> Iterator[str]:
     given = {"task": run.settings.task, "seed": run.settings.seed, **run.settings.given}
     given["evaluations"] = run.metrics[-1].evaluations
-    words = " ".join(f"-p {name}:={_word(value)}" for name, value in given.items())
+    words = " ".join(f"-p {_word(name, value)}" for name, value in given.items())
     yield "```"
     yield f"ros2 run pga_me_ros orchestrator --ros-args {words} -p run_dir:=RUN"
     if run.is_thinned:
@@ -205,13 +207,12 @@ def _commands(run: StoredRun, repeats: int, command: str) -> Iterator[str]:
     yield "The same library versions on the same kind of machine give the same behaviors, bit for bit."
 
 
-def _word(value: Any) -> str:
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, tuple):
-        return f'"[{", ".join(str(v) for v in value)}]"'
-    text = str(value)
-    return f'"{text}"' if " " in text else text
+def _word(name: str, value: Any) -> str:
+    return (
+        parameter_word(name, value)
+        if isinstance(value, str)
+        else shlex.quote(parameter(name, value))
+    )
 
 
 def duration(generations: Sequence[Generation]) -> str:

@@ -48,6 +48,14 @@ def test_other_than_ros_arguments_are_refused(arguments: str, words: str) -> Non
         (ASKER, "--params-file any.yaml", "'--params-file any.yaml' has no effect"),
         (PLAYER, "-p run_dir:=a -p seed:=7", r"^Unknown parameter 'seed'.*'behavior_player'"),
         (PLAYER, "-p randomization:=a:=b", "Unknown parameter 'randomization'"),
+        (
+            PLAYER,
+            "-p orchestrator:speed:=2",
+            "is for a node '/orchestrator', and this one is '/behavior_player'; leave",
+        ),
+        (PROGRAM, "-p critic_trainer:seed:=2", "leave out 'critic_trainer:' if you mean this one"),
+        (PROGRAM, "-p orchestrator:seed:=2 -r __ns:=/a", "this one is '/a/orchestrator'"),
+        (PROGRAM, "-p orchestrator:seed:=2 -r __node:=boss", "this one is '/boss'"),
         (PROGRAM, "-p sead:=7", r"Unknown parameter 'sead' \(did you mean 'seed'\?\)"),
     ],
 )
@@ -71,6 +79,7 @@ def test_a_program_without_parameters_has_no_help_of_them() -> None:
         (PROGRAM, "--ros-args -p task:=qd_ant -r a:=b --"),
         (PROGRAM, "--ros-args -p task"),  # which rcl refuses
         (PLAYER, "--ros-args -p behavior_player:speed:=2.0"),
+        (PLAYER, "--ros-args -r __node:=robot -p robot:speed:=2.0"),
         (ASKER, "--ros-args -r __ns:=/a -p use_sim_time:=true -p qos_overrides./a.depth:=1"),
     ],
 )

@@ -113,7 +113,7 @@ def test_the_card_tells_where_it_comes_from(run: StoredRun, zoo: Path) -> None:
     assert run.corrected is not None
     assert f"| {100 * run.corrected.fall_share:.1f}% |" in card
     assert "-p task:=qd_hopper -p seed:=11" in card
-    assert '-p controller_hidden:="[16, 8]"' in card
+    assert "-p 'controller_hidden:=[16, 8]'" in card
     assert "reevaluate RUN --repeats 3" in card
     assert f"thin RUN --out tiny_hopper --cells {KEPT}" in card
     assert str(zoo) not in card, "it has a path of this machine"
