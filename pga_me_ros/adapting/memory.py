@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from pga_me_ros.core.adaptation.adaptation import Trial
+from pga_me_ros.core.storage.file_lock import FileLock, LockedError
 from pga_me_ros.errors import StorageError
 
 _SCHEMA = """
@@ -66,6 +67,24 @@ class Undertaking:
         """The limits for people."""
         words = [f"{name} {value:g}" for name, value in self.limits.items()]
         return ", ".join(words) or "no limits"
+
+
+def lock(path: Path) -> FileLock:
+    """Return the lock of a memory, which the adapter of one robot holds for as long as it runs.
+
+    Args:
+        path: The memory's file; the lock is beside it.
+
+    Raises:
+        StorageError: Another adapter works with the file, or it cannot be locked.
+    """
+    try:
+        return FileLock(path.with_name(f"{path.name}.lock"), _BUSY)
+    except LockedError as error:
+        raise StorageError(
+            f"The memory '{path}' is that of another adapter that runs ({error.holder}), and so of another robot; name "
+            "a file of this one by -p memory:=FILE."
+        ) from None
 
 
 class Memory:

@@ -84,6 +84,7 @@ class RepertoireLink:
             RepertoireTimeoutError: No answer came.
         """
         request = behavior_request(cell=cell, with_controller=with_controller)
-        call = self._caller.start(self._behavior, request, lambda response: response, TIMEOUT)
-        answer: GetBehavior.Response = self._caller.result(call)
+        answer: GetBehavior.Response = self._caller.call(
+            self._behavior, request, lambda response: response, TIMEOUT
+        )
         return answer

@@ -146,7 +146,7 @@ class Adapter:
         )
 
     def _call(self, client: Any, request: Any) -> Any:
-        return self._caller.result(self._caller.start(client, request, _accepted, self._timeout))
+        return self._caller.call(client, request, _accepted, self._timeout)
 
 
 def _result(answer: NextTrial.Response, made: int) -> AdaptationResult:

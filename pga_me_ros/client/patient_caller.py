@@ -171,6 +171,19 @@ class PatientCaller:
                 executor.wake()
         return call
 
+    def call(
+        self, client: Client, request: Any, read: Callable[[Any], Result], timeout: float
+    ) -> Result:
+        """Make a call and return its result; arguments as those of `PendingCall`.
+
+        Raises:
+            BlockedExecutorError: As in `result`; the request is then not sent.
+            RepertoireTimeoutError: The deadline has passed.
+        """
+        self._require_waitable()
+        result: Result = self.result(self.start(client, request, read, timeout))
+        return result
+
     def result(self, call: PendingCall) -> Any:
         """Wait for the end of a call and return its result.
 
@@ -178,13 +191,11 @@ class PatientCaller:
             BlockedExecutorError: Called in a callback of the executor that would have to handle the response.
             RepertoireTimeoutError: The deadline has passed.
         """
-        executor = self._executor()
-        if executor is not None and _runs_here(executor):
+        try:
+            self._require_waitable()
+        except BlockedExecutorError:
             call.future.cancel()
-            raise BlockedExecutorError(
-                "A blocking call inside a callback would wait forever for its own executor. Use the method that "
-                "ends in _async, with await or add_done_callback, or call from another thread."
-            )
+            raise
         while not call.ended.wait(0.0 if self._spin_for(call) else TICK):
             if time.monotonic() > call.deadline + SPIN_GRACE:
                 call.fail(
@@ -201,6 +212,14 @@ class PatientCaller:
         """Return the executor that the node belongs to now; after rclpy.spin_once, node.executor is stale."""
         executor = self._node.executor
         return executor if executor is not None and self._node in executor.get_nodes() else None
+
+    def _require_waitable(self) -> None:
+        executor = self._executor()
+        if executor is not None and _runs_here(executor):
+            raise BlockedExecutorError(
+                "A blocking call inside a callback would wait forever for its own executor. Use the method that "
+                "ends in _async, with await or add_done_callback, or call from another thread."
+            )
 
     def _spin_for(self, call: PendingCall) -> bool:
         """Spin the node until a call has ended, unless it is spun elsewhere.

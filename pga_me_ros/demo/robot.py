@@ -134,7 +134,7 @@ def served_from(node: Node) -> str:
     caller, name = PatientCaller(node), "archive_manager/get_parameters"
     client = node.create_client(GetParameters, name, callback_group=caller.group)
     request = GetParameters.Request(names=["repertoire"])
-    path = Path(caller.result(caller.start(client, request, _only_text, TIMEOUT)))
+    path = Path(caller.call(client, request, _only_text, TIMEOUT))
     path = path.parent if path.name == REPERTOIRE else path
     return str(path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path)
 

@@ -17,11 +17,12 @@ from pga_me_ros.hardware.mapping import RobotMapping
 from pga_me_ros.hardware.observer import Observer
 from pga_me_ros.hardware.timing import Timing
 
-SOONEST = 0.9
-"""Control periods between two commands at least, on average, so that rates and ramps hold in real time, too."""
-
-EARLY = 0.5
+EARLY = 0.6
 """Control periods by which a command may come before its turn, after one that was late."""
+
+NEAR = 0.9
+"""Control periods between two triggers from which on each is answered: a sensor's clock may run a little fast, and a
+message that is left out makes a gap of two periods."""
 
 TRIALS = 50
 """Actions that are computed at the start to see how long one takes."""
@@ -62,7 +63,7 @@ class ControlLoop:
         self._controller = controller
         self._timeout: float = values["timeout"]
         self._simulated: bool = values["simulated"]
-        self._turn = -math.inf
+        self._turn = self._triggered = -math.inf
         joints = mapping.joints
         self._scale = np.array([joint.scale for joint in joints])
         self._offset = np.array([joint.offset for joint in joints])
@@ -84,8 +85,17 @@ class ControlLoop:
         self.timing = Timing(self.period)
 
     def due(self, now: float) -> bool:
-        """Whether a message that triggers may be answered by a command already."""
-        return self._simulated or now >= self._turn
+        """Whether a message that triggers, and has just come, is answered by a command.
+
+        Of messages that come often, as many are as there are control periods: rates and ramps hold in real time.
+        """
+        since, self._triggered = now - self._triggered, now
+        return self._simulated or now >= self._turn or since >= NEAR * self.period
+
+    @property
+    def shortest_timeout(self) -> float:
+        """Least age at which a reading is stale, s."""
+        return self.observer.shortest_timeout(self._timeout)
 
     def missing(self, now: float) -> str:
         """Return which readings are stale, in words; empty for none."""
@@ -97,7 +107,8 @@ class ControlLoop:
         Returns:
             (n,) float64, in the order of the mapping's joints; None if there is nothing to command yet.
         """
-        self._turn = max(self._turn, now - EARLY * self.period) + SOONEST * self.period
+        turn = self._turn if self._turn <= now else -math.inf  # else a near one was answered early
+        self._turn = max(turn, now - EARLY * self.period) + self.period
         missing = self.missing(now)
         if missing:
             return self.guard.freeze(missing)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -9,6 +10,7 @@ from nav_msgs.msg import Odometry
 from sensor_msgs.msg import Imu, JointState
 from std_msgs.msg import Bool, Float64, Float64MultiArray
 
+from pga_me_ros.errors import PgaError
 from pga_me_ros.player.transform import (
     Quaternion,
     Vector,
@@ -19,6 +21,17 @@ from pga_me_ros.player.transform import (
 )
 
 Read = Callable[[Any], float]
+
+
+class UnusableError(PgaError):
+    """A message does not say what the mapping takes from it: its readings grow old."""
+
+
+UNIT = 1e-3
+"""How far the length of an orientation's quaternion may be from 1."""
+
+UNKNOWN = -1.0
+"""First entry of a covariance of sensor_msgs/Imu where the sensor does not measure the quantity."""
 
 TYPES: Mapping[str, type] = {
     "sensor_msgs/JointState": JointState,
@@ -36,8 +49,26 @@ _UP: Vector = (0.0, 0.0, 1.0)
 
 
 def quaternion(q: Any) -> Quaternion:
-    """Return a geometry_msgs/Quaternion as numbers."""
+    """Return a geometry_msgs/Quaternion as numbers.
+
+    Raises:
+        UnusableError: It is no rotation. All zero, as from a sensor without orientation, it would read as level.
+    """
+    length = math.hypot(q.x, q.y, q.z, q.w)
+    if abs(length - 1.0) > UNIT:
+        raise UnusableError(f"its orientation has length {length:.3g} instead of 1")
     return (q.x, q.y, q.z, q.w)
+
+
+def _measured(msg: Imu, quantity: str) -> Any:
+    """Return a quantity of an Imu message.
+
+    Raises:
+        UnusableError: The sensor does not measure it.
+    """
+    if getattr(msg, f"{quantity}_covariance")[0] == UNKNOWN:
+        raise UnusableError(f"its sensor measures no {quantity} ({quantity}_covariance[0] is -1)")
+    return getattr(msg, quantity)
 
 
 def _heading_velocity(msg: Odometry) -> Vector:
@@ -64,9 +95,9 @@ def _axes(prefix: str, vector: Callable[[Any], Any]) -> dict[str, Read]:
 
 FIELDS: Mapping[str, Mapping[str, Read]] = {
     "sensor_msgs/Imu": {
-        **_angles(lambda msg: msg.orientation),
-        **_axes("angular_velocity", lambda msg: msg.angular_velocity),
-        **_axes("linear_acceleration", lambda msg: msg.linear_acceleration),
+        **_angles(lambda msg: _measured(msg, "orientation")),
+        **_axes("angular_velocity", lambda msg: _measured(msg, "angular_velocity")),
+        **_axes("linear_acceleration", lambda msg: _measured(msg, "linear_acceleration")),
     },
     "nav_msgs/Odometry": {
         **_axes("position", lambda msg: msg.pose.pose.position),

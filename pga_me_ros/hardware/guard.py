@@ -47,11 +47,12 @@ class Guard:
     1. Stopped: efforts are 0; positions stay where they were last commanded. Only `release` ends it.
     2. A wanted command that is not finite stops.
     3. A sensor is missing or stale, so that nothing is known: before the first command, none is given; later ones
-       freeze: efforts are 0, or held if so chosen; positions are held. It lasts until `release`, or, if so chosen,
-       until all is known again.
+       freeze: efforts are 0, or held if so chosen; positions are held. It lasts until a `release` while all is known,
+       or, if so chosen, until all is known again.
     4. Otherwise the command blends from rest to what is wanted, within the ramp's time; after a stop or a freeze, too.
+       Efforts that were held are the rest that they blend from.
     5. It is clipped to the limits.
-    6. It differs from the last command by no more than a step.
+    6. It differs from the last command, or from where a ramp begins, by no more than a step.
 
     Args:
         limits: Limits of the joints.
@@ -80,6 +81,11 @@ class Guard:
         self.state = State.WAITING
         self.reason = ""
 
+    @property
+    def has_commanded(self) -> bool:
+        """Whether any command was returned, so that the joints have one to follow."""
+        return self._last is not None
+
     def command(
         self, wanted: Float64Array, rest: Float64Array | None = None
     ) -> Float64Array | None:
@@ -87,12 +93,14 @@ class Guard:
 
         Args:
             wanted: (n,) float64 wanted command.
-            rest: (n,) float64 command that leaves the robot as it is: the measured positions; None for efforts of 0.
+            rest: (n,) float64 command that leaves the robot as it is: the measured positions; None for efforts, which
+                ramp in from the last ones: 0 unless they were held.
 
         Returns:
             (n,) float64 finite command; None if there is nothing to hold yet.
         """
-        rest = self._zero if rest is None else rest
+        if rest is None:
+            rest = self._zero if self._last is None else self._last
         if not (np.isfinite(wanted).all() and np.isfinite(rest).all()):
             self.stop("the controller's command is not finite")
         if self.state is State.STOPPED or (self.state is State.FROZEN and not self._resume):
@@ -118,9 +126,13 @@ class Guard:
         Args:
             reason: Why it is not known.
         """
-        if self.state in (State.RAMPING, State.RUNNING):
-            self.state, self.reason = State.FROZEN, reason
-        return None if self.state is State.WAITING else self._safe()
+        if not self.has_commanded:
+            return None
+        if self.state is not State.STOPPED:
+            if self.state is not State.FROZEN:  # the first reason is kept
+                self.reason = reason
+            self.state = State.FROZEN
+        return self._safe()
 
     def stop(self, reason: str) -> Float64Array | None:
         """Stop until `release`, and return the command to be given at once.
@@ -133,7 +145,7 @@ class Guard:
         return self._safe()
 
     def release(self) -> None:
-        """End a stop or a freeze: what comes next is ramped in as in the beginning."""
+        """End a stop or a freeze: what comes next is ramped in as at first, or is a freeze if a sensor is missing."""
         if self.state in (State.STOPPED, State.FROZEN):
             self.state, self.reason = State.WAITING, ""
 

@@ -11,7 +11,7 @@ import numpy as np
 from pga_me_ros.arrays import Float32Array, Float64Array
 from pga_me_ros.client import Controller
 from pga_me_ros.errors import PgaError, nearest_name
-from pga_me_ros.hardware.fields import ARRAY, FIELDS, JOINTS
+from pga_me_ros.hardware.fields import ARRAY, FIELDS, JOINTS, UnusableError
 from pga_me_ros.hardware.mapping import Entry, RobotMapping
 
 PATIENCE = 20
@@ -22,10 +22,6 @@ _FUNCTIONS = {"sin": math.sin, "cos": math.cos}
 
 class SensorError(PgaError):
     """A message lacks what the mapping takes from it."""
-
-
-class NotFiniteError(PgaError):
-    """A reading is NaN or infinite."""
 
 
 class Channel(NamedTuple):
@@ -72,7 +68,7 @@ class Observer:
 
         Raises:
             SensorError: A joint, an entry of an array or a field is missing.
-            NotFiniteError: A reading is NaN or infinite.
+            UnusableError: A reading is NaN or infinite, or the message says that it is not known.
         """
         found: dict[Channel, float] = {}
         for channel in self._channels:
@@ -82,7 +78,7 @@ class Observer:
                     found[channel] = value
         for channel, value in found.items():
             if not math.isfinite(value):
-                raise NotFiniteError(f"{self._words(channel)} is {value}; the message is not used.")
+                raise UnusableError(f"{self._words(channel)} is {value}; the message is not used.")
         self._values |= found
         self._heard |= dict.fromkeys(found, now)
 
@@ -103,6 +99,11 @@ class Observer:
             return ""
         age_in_words = "was never heard" if greatest == math.inf else f"is {greatest:.2f} s old"
         return f"{self._words(oldest)} {age_in_words}"
+
+    def shortest_timeout(self, timeout: float) -> float:
+        """Return the least age, s, at which one of the sources in use is stale; `timeout` as in `missing`."""
+        own = (self._mapping.sources[source].timeout for source in self.sources)
+        return min(timeout if seconds is None else seconds for seconds in own)
 
     def newest(self) -> float:
         """Return when the newest reading came."""
@@ -152,7 +153,12 @@ class Observer:
                     f"{self._words(channel)} is missing: the message has {len(msg.data)} entries, counted from 0."
                 )
             return float(msg.data[int(channel.part)])
-        return float(FIELDS[kind][channel.field](msg))
+        try:
+            return float(FIELDS[kind][channel.field](msg))
+        except UnusableError as error:
+            raise UnusableError(
+                f"{self._words(channel)} is not known, {error}; the message is not used."
+            ) from None
 
     def _of_joint(self, channel: Channel, msg: Any) -> float | None:
         values = getattr(msg, channel.field)

@@ -10,7 +10,7 @@ from pga_me_msgs.msg import AdaptationEstimate
 from pga_me_msgs.msg import Metrics as MetricsMsg
 from pga_me_msgs.srv import GetAdaptation, GetBehavior, NextTrial, ReportTrial, StartAdaptation
 
-from pga_me_ros.adapting.memory import Memory, Undertaking
+from pga_me_ros.adapting.memory import Memory, Undertaking, lock
 from pga_me_ros.adapting.messages import estimate_to_msg, trial_to_msg
 from pga_me_ros.adapting.repertoire_link import RepertoireLink
 from pga_me_ros.adapting.run_worlds import RunWorlds
@@ -34,7 +34,7 @@ class AdapterSettings:
 
     memory: str = setting(
         "adaptations.db",
-        "SQLite file with all trials of the robot, from which an adaptation is continued after a restart.",
+        "SQLite file with all trials of one robot, from which an adaptation is continued after a restart.",
         path=True,
     )
     worlds: str = setting(
@@ -56,7 +56,8 @@ class Adapter(GraphNode):
             **{name: value for name, value in values.items() if name not in own}
         )
         self._worlds = RunWorlds.load(values["worlds"]) if values["worlds"] else None
-        self._memory = Memory(Path(values["memory"]))
+        memory = Path(values["memory"])
+        self._memory, self._lock = Memory(memory), lock(memory)
         self._asking = rclpy.create_node(
             f"{self.get_name()}_asks", namespace=self.get_namespace(), context=self.context
         )
@@ -250,6 +251,7 @@ class Adapter(GraphNode):
     def destroy_node(self) -> None:
         """Close the memory, then destroy both nodes."""
         self._memory.close()
+        self._lock.release()
         self._asking.destroy_node()
         super().destroy_node()
 

@@ -68,7 +68,7 @@ class BehaviorPlayer(GraphNode):
             require_display()
         self._stop = threading.Event()
         self._pace = Pace(self._values["speed"], self._stop)
-        on_change(self, lambda _: None, self._change)
+        on_change(self, lambda changed: require_sense(self._values | changed), self._change)
         self._clock_topic = self.create_publisher(Clock, names.CLOCK, qos.STREAM)
         self._joint_topic = self.create_publisher(JointState, names.JOINT_STATES, qos.STREAM)
         self._frame_topic = self.create_publisher(TFMessage, names.TF, qos.STREAM)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import array
+import math
 import time
 from collections.abc import Mapping
 from functools import partial
@@ -19,11 +20,10 @@ from pga_me_ros.client import Behavior, RepertoireClient
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.errors import SettingsError
 from pga_me_ros.hardware.control_loop import ControlLoop
-from pga_me_ros.hardware.fields import TYPES
-from pga_me_ros.hardware.guard import State
+from pga_me_ros.hardware.fields import TYPES, UnusableError
 from pga_me_ros.hardware.mapping import RobotMapping
 from pga_me_ros.hardware.mapping_file import read_mapping
-from pga_me_ros.hardware.observer import NotFiniteError, SensorError
+from pga_me_ros.hardware.observer import SensorError
 from pga_me_ros.hardware.settings import HardwareSettings
 from pga_me_ros.ros import names, qos
 from pga_me_ros.ros.choice import ChoiceSettings, wanted
@@ -35,7 +35,13 @@ from pga_me_ros.ros.parameters import declare
 from pga_me_ros.ros.process import run_node
 
 CHECKS_PER_TIMEOUT = 4
-"""How often stale sensors are looked for within their timeout, when a sensor triggers the commands."""
+"""How often stale sensors are looked for within the shortest timeout, when a sensor triggers the commands."""
+
+LONGEST_PAUSE = 0.1
+"""Maximum seconds between two looks, whatever the timeouts: a timer lets Python notice signals, too."""
+
+ALONE = 2.0
+"""Seconds without another controller of the name after which this one commands: heartbeats come once a second."""
 
 LAST_WORDS = Duration(nanoseconds=300_000_000)
 """How long to wait at the end until the last command has arrived."""
@@ -46,6 +52,9 @@ class JointController(GraphNode):
 
     def __init__(self) -> None:
         super().__init__("controller")
+        leave_to_elders(self, lambda msg: msg.kind == "controller", STOP_OR_MOVE)
+        self._silent_until = time.monotonic() + ALONE
+        self._awake = math.inf
         self._loop: ControlLoop | None = None
         values = declare(self, ChoiceSettings, HardwareSettings, shared=(Settings, RunOptions))
         choice = wanted(values)
@@ -64,11 +73,10 @@ class JointController(GraphNode):
         trigger = values["trigger"]
         self._listen(mapping, loop, trigger)
         # A steady clock: wall clocks may jump, and simulated ones stand still.
-        period = values["timeout"] / CHECKS_PER_TIMEOUT if trigger else loop.period
-        beat = self._check if trigger else self._step
+        pause = min(loop.shortest_timeout / CHECKS_PER_TIMEOUT, LONGEST_PAUSE)
+        self._pause, beat = (pause, self._check) if trigger else (loop.period, self._step)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(period, self.unless_ended(beat), clock=steady)
-        leave_to_elders(self, lambda msg: msg.kind == "controller", STOP_OR_MOVE)
+        self.create_timer(self._pause, self.unless_ended(beat), clock=steady)
         self.start_heartbeat(task=behavior.controller.task)
         numbers = ", ".join(f"{x:.3f}" for x in behavior.promised_descriptor)
         self.get_logger().info(
@@ -100,27 +108,41 @@ class JointController(GraphNode):
         now = time.monotonic()
         try:
             loop.observer.take(source, msg, now)
-        except NotFiniteError as error:
+        except UnusableError as error:
             self.refused(str(error))
         except SensorError as error:
-            if loop.guard.state is State.WAITING:  # the mapping is wrong
-                self.end(error)
-            else:
+            if loop.guard.has_commanded:
                 self.refused(str(error))
+            else:  # the mapping is wrong
+                self.end(error)
         if triggers and loop.due(now):
             self._step()
 
     def _check(self) -> None:
         """Look for stale sensors, as there may be no more message that triggers."""
-        assert self._loop is not None
-        missing = self._loop.missing(time.monotonic())
+        loop, now = self._loop, time.monotonic()
+        assert loop is not None
+        missing = self._stall(loop, now) or loop.missing(now)
         if missing:
-            self._publish(self._loop.guard.freeze(missing))
+            self._publish(loop.guard.freeze(missing))
 
     def _step(self) -> None:
         """Give the command of a control period."""
-        assert self._loop is not None
-        self._publish(self._loop.step(time.monotonic()))
+        loop, now = self._loop, time.monotonic()
+        assert loop is not None
+        if now < self._silent_until:
+            return
+        stall = self._stall(loop, now)
+        self._publish(loop.guard.freeze(stall) if stall else loop.step(now))
+
+    def _stall(self, loop: ControlLoop, now: float) -> str:
+        """Return for how long this process did nothing, in words, if it was too long; else empty.
+
+        What it then finds in its queues is old, though it comes just now.
+        """
+        since, self._awake = now - self._awake, now
+        late = since - self._pause > loop.shortest_timeout
+        return f"the controller stood still for {since:.2f} s" if late else ""
 
     def _publish(self, command: Float64Array | None) -> None:
         loop = self._loop
@@ -162,7 +184,7 @@ class JointController(GraphNode):
         """Leave the joints with a safe command, say how punctual the commands were, then destroy the node."""
         loop = self._loop
         if loop is not None and self.context.ok():
-            if loop.guard.state is not State.WAITING:  # what was never commanded is left alone
+            if loop.guard.has_commanded:  # what was never commanded is left alone
                 self._publish(loop.guard.stop("the controller ends"))
                 self._topic.wait_for_all_acked(LAST_WORDS)
             if loop.timing.count:

@@ -92,10 +92,18 @@ class CommandedJoints:
             pass
 
     def answer(self, show: Callable[[], None], check: Callable[[], None]) -> Float32Array:
-        """Wait for the next command, and return it as an action; arguments as in `first`."""
+        """Wait for the next command, and return it as an action; arguments as in `first`.
+
+        If the sensors spoke more than once, whoever is slow answers each time: all answers but the first are left out,
+        so that they are not taken for those to the next reading.
+        """
+        shown, again = self.shown, 0
         while (command := self._wait(AGAIN, check)) is None:
             show()
-        self.delays.append(command.at - self.shown)
+            again += 1
+        self.delays.append(command.at - shown)
+        while again and self._wait(AGAIN, check):
+            again -= 1
         return self._action(command)
 
     def newest(self) -> Float32Array | None:

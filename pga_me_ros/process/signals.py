@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM for a program that stops cleanly on the first signal and at once on the second."""
+"""Ctrl-C, SIGTERM and the like for a program that stops cleanly on the first signal and at once on the second."""
 
 from __future__ import annotations
 
@@ -11,6 +11,9 @@ from types import FrameType
 ENDING = (signal.SIGINT, signal.SIGTERM)
 """Signals that tell a program to end."""
 
+LOSING = (signal.SIGHUP, signal.SIGQUIT)
+"""Signals by which it loses its terminal, or is to end at once; unless caught or ignored, nothing is closed."""
+
 
 class SecondSignal(BaseException):
     """The user does not want to wait any longer."""
@@ -22,6 +25,7 @@ class Signals:
     Args:
         first: Called with the number of the first signal, in its handler.
         later: Called in the same way for each further one; it may raise, like `insist`.
+        losing: Whether `LOSING` are caught, too, where they are not ignored (as by `nohup`).
 
     Attributes:
         received: Number of the first signal, 0 for none.
@@ -32,6 +36,8 @@ class Signals:
         self,
         first: Callable[[int], None] = lambda _: None,
         later: Callable[[int], None] = lambda _: None,
+        *,
+        losing: bool = False,
     ) -> None:
         self.received: int = 0
         self.impatient = False
@@ -39,7 +45,8 @@ class Signals:
         self._later = later
         # Not a threading.Event: a handler that is called while the main thread holds its lock would wait forever.
         self._pipe, self._bell = os.pipe2(os.O_NONBLOCK | os.O_CLOEXEC)
-        for number in ENDING:
+        caught = [n for n in LOSING if losing and signal.getsignal(n) is not signal.SIG_IGN]
+        for number in (*ENDING, *caught):
             signal.signal(number, self._handle)
 
     @property

@@ -35,8 +35,8 @@ def run_node(
         program: Description of the executable.
         make: Makes the node; called after ``rclpy.init``.
         args: Command line without the program's name; None for that of this process.
-        last_words: Whether the node publishes something when it is destroyed: ROS 2 then stays up after a signal until
-            it is. For a node with a timer, which lets Python notice signals.
+        last_words: Whether the node publishes something when it is destroyed: ROS 2 then stays up after a signal, also
+            of a terminal that is closed, until it is. For a node with a timer, which lets Python notice signals.
 
     Returns:
         Exit code: 0 after a shutdown, 2 for bad input, 1 for a fault.
@@ -56,7 +56,7 @@ def run_node(
             return 0
         started = True
         if last_words:
-            Signals(tell_to_end)
+            Signals(tell_to_end, losing=True)
         node = make()
         running = True
         spin(node)

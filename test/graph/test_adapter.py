@@ -20,7 +20,7 @@ from pga_me_msgs.srv import AddToArchive, GetAdaptation, NextTrial, ReportTrial,
 from stored import Served, served, solutions, to_add
 
 from pga_me_ros.adapting.memory import Memory
-from pga_me_ros.client import Adapter, Behavior
+from pga_me_ros.client import Adapter, Behavior, BlockedExecutorError
 from pga_me_ros.core.adaptation.adaptation import Adaptation
 from pga_me_ros.core.adaptation.performance_map import PerformanceMap
 from pga_me_ros.core.storage.stored_run import StoredRun
@@ -339,10 +339,37 @@ def test_the_client_says_what_is_wrong(adapting: Adapting) -> None:
         nobody.adapt(lambda _: 0.0)
 
 
+def test_a_memory_is_that_of_one_robot(adapting: Adapting) -> None:
+    other = adapting.graph.start("adapter", {"memory": adapting.memory}, "-r", "__ns:=/right")
+    assert other.wait() == 2
+    pid = adapting.node.process.pid
+    assert f"memory.db' is that of another adapter that runs (pid {pid} on " in other.output
+    assert "-p memory:=FILE" in other.output
+
+
+def test_a_blocking_call_in_a_callback_is_not_sent(adapting: Adapting) -> None:
+    adapting.start(anew=True)
+    before, _ = Memory(adapting.memory).last() or pytest.fail("nothing was stored")
+    errors: list[str] = []
+
+    def adapt() -> None:
+        timer.cancel()
+        with pytest.raises(BlockedExecutorError) as error:
+            Adapter(adapting.probe.node).adapt(lambda _: 0.0, anew=True)
+        errors.append(str(error.value))
+
+    timer = adapting.probe.node.create_timer(0.01, adapt)
+    wait_until(lambda: bool(errors), "the error")
+    assert adapting.next().trial.number == 1  # what it asked for would have come before
+    after, _ = Memory(adapting.memory).last() or pytest.fail("nothing was stored")
+    assert after == before
+
+
 def test_a_second_adapter_of_the_name_leaves_and_one_without_a_repertoire_says_so(
     adapting: Adapting,
 ) -> None:
-    second = adapting.graph.start("adapter", {"memory": adapting.memory})
+    another = adapting.graph.folder / "another.db"
+    second = adapting.graph.start("adapter", {"memory": another})
     alone = adapting.graph.start(
         "adapter", {"memory": adapting.graph.folder / "other.db"}, "-r", "__ns:=/alone"
     )

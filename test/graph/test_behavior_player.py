@@ -11,8 +11,10 @@ from typing import Any
 import numpy as np
 import pybullet
 import pytest
-from graph import Graph, wait_until
+from graph import Graph, Probe, wait_until
 from nav_msgs.msg import Odometry
+from rcl_interfaces.srv import SetParameters
+from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
@@ -200,6 +202,14 @@ def test_a_damaged_robot_is_played_and_a_damage_it_cannot_have_is_refused(
     assert player.wait() == 2
     assert "damage names the joint 'hip_1', which qd_walker has not" in player.output
     assert "Traceback" not in player.output
+
+
+def test_what_is_refused_at_the_start_is_refused_while_it_runs(graph: Graph, probe: Probe) -> None:
+    graph.start("behavior_player", {"run_dir": "zoo/qd_hopper", "commanded": "real_time"})
+    standstill = Parameter("speed", value=0.0).to_parameter_msg()
+    answer = probe.call(SetParameters, "behavior_player/set_parameters", parameters=[standstill])
+    assert not answer.results[0].successful
+    assert answer.results[0].reason.endswith("but speed is 0; give a speed above 0.")
 
 
 def test_without_a_display_a_window_is_refused_in_one_line(

@@ -6,6 +6,7 @@ import math
 import re
 import signal
 import sys
+import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -80,7 +81,7 @@ def test_the_loop_closed_over_topics_gives_the_gait_that_was_promised(
     assert achieved == pytest.approx(promised, rel=0.05)
     assert achieved == pytest.approx(alone.fitness, abs=0.005)  # not only about the same
     assert re.search(r"commands came [\d.]+, [\d.]+ ms after the sensors", player.output)
-    controller.signal(signal.SIGTERM)
+    controller.signal(signal.SIGHUP)  # as of a terminal that is closed
     assert controller.wait() == 0, controller.output
     assert "stopped: the controller ends" in controller.output
     assert re.search(r" 10\d\d commands; latency median, 99 %, most", controller.output)
@@ -114,6 +115,12 @@ class Driven:
 
         wait_until(came, "commands")
         return [list(msg.data) for msg in self.commands]
+
+    def moves_after_release(self) -> bool:
+        """Release it while the sensors speak; return whether the joints then move."""
+        self.next_commands()
+        self.stop(on=False)
+        return self.moves()
 
     def moves(self) -> bool:
         """Whether the newest of the next commands has an effort that is not 0."""
@@ -193,6 +200,53 @@ def test_nan_in_a_sensor_reaches_no_joint_and_freezes_if_it_lasts(driven: Driven
     assert not driven.moves()  # the sensors speak sense again, but nobody released it
     driven.stop(on=False)
     assert driven.moves()
+
+
+def test_a_release_while_the_sensors_are_silent_keeps_the_joints_safe(driven: Driven) -> None:
+    assert driven.moves()
+    wait_until(lambda: not any(driven.commands[-1].data), "a freeze")  # nobody speaks
+    driven.diagnostics.clear()
+    driven.stop(on=False)
+    count = len(driven.commands)
+    wait_until(lambda: len(driven.commands) > count + 5, "commands of a freeze")
+    assert not any(any(msg.data) for msg in driven.commands[count:])
+    driven.told("frozen: ")
+    assert driven.moves_after_release()
+
+
+def test_a_second_controller_leaves_before_it_commands(driven: Driven, tmp_path: Path) -> None:
+    graph = Graph(driven.probe.context.get_domain_id(), tmp_path)
+    commands = driven.probe.listen(Float64MultiArray, "second_commands", qos.STREAM)
+    parameters = {"repertoire": REPERTOIRE, "mapping": MAPPING, "timeout": 5.0}
+    second = graph.start("controller", parameters, "-r", "commands:=second_commands")
+
+    def ended() -> bool:
+        driven.speak()
+        return second.process.poll() is not None
+
+    wait_until(ended, "its end")
+    assert second.wait() == 2
+    assert "is taken in this ROS domain" in second.output
+    assert not commands
+
+
+def test_a_controller_that_stood_still_freezes(driven: Driven) -> None:
+    assert driven.moves()
+    begun = driven.controller.output.count("the controller stood still")
+    driven.controller.signal(signal.SIGSTOP)
+    pause = time.monotonic() + 2.0  # twice its timeout
+
+    def slept() -> bool:
+        driven.speak()
+        return time.monotonic() > pause
+
+    wait_until(slept, "a stall")
+    driven.controller.signal(signal.SIGCONT)
+    wait_until(
+        lambda: driven.controller.output.count("the controller stood still") > begun, "a freeze"
+    )
+    assert not driven.moves()
+    assert driven.moves_after_release()
 
 
 def test_a_joint_that_the_robot_has_not_ends_it_in_one_line(driven: Driven, tmp_path: Path) -> None:

@@ -113,13 +113,22 @@ def commands_of(loop: ControlLoop, triggers: list[float]) -> int:
 
 def test_a_trigger_that_comes_often_gives_commands_at_the_control_period() -> None:
     often = [0.06 * k for k in range(1500)]  # 90 periods
-    assert 90 <= commands_of(loop_of("qd_hopper"), often) <= 101
+    assert 90 <= commands_of(loop_of("qd_hopper"), often) <= 91
     assert commands_of(loop_of("qd_hopper", simulated=True), often) == 1500
 
 
 def test_a_trigger_at_the_control_period_is_always_answered_though_some_are_late() -> None:
     late = [float(k) + (0.5 if k % 10 == 3 else 0.0) for k in range(100)]
     assert commands_of(loop_of("qd_hopper"), late) == 100
+
+
+@pytest.mark.parametrize(("every", "answered"), [(0.95, 100), (0.6, 60), (0.3, 30), (1.3, 100)])
+def test_a_trigger_near_the_control_period_is_always_answered_others_at_most_once_in_it(
+    every: float, answered: int
+) -> None:
+    jitter = np.random.default_rng(1).uniform(-0.02, 0.02, 100)
+    triggers = [every * k + j for k, j in enumerate(jitter)]
+    assert abs(commands_of(loop_of("qd_hopper"), triggers) - answered) <= 1
 
 
 def test_a_trigger_that_is_no_source_is_refused() -> None:

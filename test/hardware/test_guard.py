@@ -86,6 +86,41 @@ def test_a_freeze_lasts_until_it_is_released_and_then_ramps_in_again() -> None:
     assert (g.state, g.reason) == (State.RAMPING, "")
 
 
+def test_a_release_while_a_sensor_is_still_silent_freezes_again() -> None:
+    g = guard(hold=True)
+    held = command(g, 1.0, 8.0)
+    g.freeze("imu is 0.2 s old")
+    g.release()
+    assert g.freeze("imu is 0.4 s old").tolist() == held  # type: ignore[union-attr]
+    assert (g.state, g.reason) == (State.FROZEN, "imu is 0.4 s old")
+    assert g.freeze("imu is 0.6 s old") is not None
+    assert g.reason == "imu is 0.4 s old"
+
+
+def test_efforts_that_were_held_are_what_a_ramp_begins_with() -> None:
+    g = guard(ramp_steps=4, hold=True)
+    for _ in range(8):
+        command(g, 2.0, 8.0)
+    g.freeze("late")
+    g.release()
+    assert [command(g, -2.0, 0.0) for _ in range(4)] == [
+        [1.0, 6.0],
+        [0.0, 4.0],
+        [-1.0, 2.0],
+        [-2.0, 0.0],
+    ]
+
+
+def test_it_knows_whether_the_joints_have_a_command_to_follow() -> None:
+    g = guard()
+    g.freeze("imu was never heard")
+    assert not g.has_commanded
+    command(g, 1.0, 8.0)
+    g.stop("emergency stop")
+    g.release()
+    assert g.has_commanded
+
+
 def test_a_freeze_may_end_by_itself_with_a_ramp() -> None:
     g = guard(ramp_steps=2, resume=True)
     command(g, 1.0, 8.0)
@@ -159,14 +194,13 @@ def test_whatever_happens_efforts_are_finite_limited_and_slow_or_zero(
             continue
         out = g.command(np.array(numbers)) if what == "command" else getattr(g, what)("why")
         if out is None:
-            assert g.state is State.WAITING
+            assert not g.has_commanded
             continue
         assert np.isfinite(out).all()
         assert (out >= LIMITS.low).all()
         assert (out <= LIMITS.high).all()
-        # A ramp begins at zero, so efforts that were held may end at once.
-        base = last if (np.abs(out - last) <= LIMITS.step + 1e-12).all() else np.zeros(2)
-        assert (np.abs(out - base) <= LIMITS.step + 1e-12).all()
+        if out.any():  # a stop or a freeze is at once
+            assert (np.abs(out - last) <= LIMITS.step + 1e-12).all()
         last = out
 
 

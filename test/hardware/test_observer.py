@@ -16,9 +16,9 @@ from robot import SHIPPED, Sensors, controller_of
 from sensor_msgs.msg import Imu, JointState
 from std_msgs.msg import Bool, Float64, Float64MultiArray
 
-from pga_me_ros.hardware.fields import FIELDS, TYPES
+from pga_me_ros.hardware.fields import FIELDS, TYPES, UnusableError
 from pga_me_ros.hardware.mapping_file import read_mapping
-from pga_me_ros.hardware.observer import PATIENCE, NotFiniteError, Observer, SensorError
+from pga_me_ros.hardware.observer import PATIENCE, Observer, SensorError
 from pga_me_ros.tasks.registry import make_task
 
 HOPPER = read_mapping(SHIPPED / "qd_hopper.yaml")
@@ -65,6 +65,7 @@ def test_a_source_may_have_a_timeout_of_its_own(readings: dict[str, Any]) -> Non
     for source, msg in readings.items():
         observer.take(source, msg, 1.0)
     assert observer.missing(1.005, 0.5) == ""
+    assert (observer.shortest_timeout(0.5), observer.shortest_timeout(0.001)) == (0.01, 0.001)
     assert observer.missing(1.02, 0.5) == "yaw on topic 'imu' is 0.02 s old"
 
 
@@ -116,11 +117,47 @@ def test_a_message_with_a_number_that_is_not_finite_is_not_used(
     names = ["thigh_joint", "leg_joint", "foot_joint"]
     msg = JointState(name=names, position=[0.1, 0.1, bad], velocity=[0.0] * 3)
     with pytest.raises(
-        NotFiniteError, match=f"position of foot_joint on topic 'joint_states' is {bad}"
+        UnusableError, match=f"position of foot_joint on topic 'joint_states' is {bad}"
     ):
         observer.take("joints", msg, 2.0)
     np.testing.assert_array_equal(observer.observation(), before)
     assert "1.00 s old" in observer.missing(2.0, 0.5)
+
+
+def unknown(quantity: str) -> Imu:
+    """Return a message of a sensor that does not measure a quantity, as sensor_msgs has it."""
+    msg = Imu()
+    getattr(msg, f"{quantity}_covariance")[0] = -1.0
+    return msg
+
+
+NO_ROTATION = Quaternion(x=0.0, y=0.0, z=0.0, w=0.0)
+
+
+@pytest.mark.parametrize(
+    ("kind", "field", "msg", "words"),
+    [
+        ("sensor_msgs/Imu", "roll", unknown("orientation"), r"measures no orientation \(orient"),
+        ("sensor_msgs/Imu", "angular_velocity.y", unknown("angular_velocity"), "no angular_vel"),
+        ("sensor_msgs/Imu", "linear_acceleration.z", unknown("linear_acceleration"), "no linear"),
+        ("sensor_msgs/Imu", "pitch", Imu(orientation=NO_ROTATION), "has length 0 instead of 1"),
+        ("sensor_msgs/Imu", "yaw", Imu(orientation=Quaternion(w=0.45)), "has length 0.45 instead"),
+    ],
+)
+def test_what_a_sensor_does_not_know_is_not_taken_for_zero(
+    kind: str, field: str, msg: Any, words: str
+) -> None:
+    with pytest.raises(UnusableError, match=words):
+        FIELDS[kind][field](msg)
+
+
+def test_a_message_without_orientation_is_not_used(observer: Observer) -> None:
+    msg = Odometry()
+    msg.pose.pose.orientation = NO_ROTATION
+    msg.twist.twist.linear.x = 2.0
+    with pytest.raises(UnusableError, match="on topic 'odom' is not known, its orientation has"):
+        observer.take("odometry", msg, 2.0)
+    assert "on topic 'odom' is 1.00 s old" in observer.missing(2.0, 0.5)
 
 
 def test_contacts_are_delayed_by_whole_control_periods(observer: Observer) -> None:

@@ -62,6 +62,26 @@ def test_until_somebody_answers_the_sensors_speak_again(joints: CommandedJoints)
     assert joints.delays[0] > 0.0
 
 
+def test_answers_to_what_was_said_again_are_not_taken_for_those_to_the_next_reading(
+    joints: CommandedJoints,
+) -> None:
+    readings = threading.Semaphore(0)
+
+    def slow_controller() -> None:
+        for _ in range(2):
+            assert readings.acquire(timeout=30.0)
+        for effort in (15.0, 30.0):  # it answers both: the first reading, and the same once more
+            joints.put([effort, 0.0, 0.0])
+
+    readings.release()
+    answering = threading.Thread(target=slow_controller)
+    answering.start()
+    assert joints.answer(readings.release, nothing)[0] == np.float32(0.2)
+    answering.join()
+    joints.put([45.0, 0.0, 0.0])
+    assert joints.answer(nothing, nothing)[0] == np.float32(0.6)
+
+
 def test_what_came_before_the_first_step_is_not_taken_for_its_answer(
     joints: CommandedJoints,
 ) -> None:

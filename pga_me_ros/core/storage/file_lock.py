@@ -17,7 +17,16 @@ POLL = 0.05
 
 
 class LockedError(StorageError):
-    """Another process holds the lock."""
+    """Another process holds the lock.
+
+    Args:
+        message: The message.
+        holder: Which process, in words.
+    """
+
+    def __init__(self, message: str, holder: str) -> None:
+        super().__init__(message)
+        self.holder = holder
 
 
 class FileLock:
@@ -51,7 +60,8 @@ class FileLock:
             os.close(self._fd)
             raise LockedError(
                 f"'{path.name.removesuffix('.lock')}' in '{path.parent}' is being written by "
-                f"another process ({holder}). Stop that one first, or choose another folder."
+                f"another process ({holder}). Stop that one first, or choose another folder.",
+                holder,
             ) from None
         except OSError as error:  # a file system without locks
             os.close(self._fd)
