@@ -13,6 +13,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 from pga_me_ros.dependencies import report_missing_dependencies
+from pga_me_ros.process.collection import pause_collection
 from pga_me_ros.process.early_signals import end_on_early_signals, own_program
 
 if TYPE_CHECKING:
@@ -56,6 +57,8 @@ _MODULES = {
 
 if _program := own_program():
     end_on_early_signals(_program)
+    if _program.startswith("nodes."):
+        pause_collection()
     report_missing_dependencies()
 
 

@@ -22,6 +22,7 @@ from pga_me_ros.process.command_words import positionals_first
 from pga_me_ros.process.program import run_program
 from pga_me_ros.process.signals import Signals
 from pga_me_ros.process.terminal import Terminal
+from pga_me_ros.ros.environment import LAST_DOMAIN, domain_of
 
 LOCK = "experiment.lock"
 
@@ -63,6 +64,7 @@ def _listed(options: argparse.Namespace) -> int:
 def _carried_out(options: argparse.Namespace) -> int:
     """Run the chosen cells; return the exit status."""
     experiment, folder = read_experiment(options.file), _folder(options)
+    domain_of(os.environ)
     cells = experiment.chosen(options.cell)
     cores = len(os.sched_getaffinity(0))
     jobs = cores if options.jobs is None else options.jobs
@@ -83,8 +85,9 @@ def _carried_out(options: argparse.Namespace) -> int:
 
 def _run(cells: Sequence[Cell], folder: Path, jobs: int, cores: int) -> int:
     signals, terminal = Signals(), Terminal()
-    domain = int(os.environ.get("ROS_DOMAIN_ID") or 0)
+    domain = domain_of(os.environ)
     matrix = Matrix(cells, folder, jobs=jobs, cores=cores, domain=domain, terminal=terminal)
+    domain_of(os.environ, LAST_DOMAIN - matrix.further_domains)
     matrix.run(signals)
     of = f"{matrix.finished} of {len(cells)} runs"
     for failure in matrix.failures:

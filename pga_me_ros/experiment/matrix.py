@@ -101,6 +101,15 @@ class Matrix:
             self._end(signals)
 
     @property
+    def further_domains(self) -> int:
+        """Number of ROS domains that it uses beyond the first."""
+        return self._further(self._jobs - 1)
+
+    def _further(self, slot: int) -> int:
+        """Return how far the domain of a place is beyond the first."""
+        return max(0, slot) // max(1, PARTICIPANTS // (SINGLE_NODES + self._evaluators))
+
+    @property
     def finished(self) -> int:
         """Number of finished cells."""
         return self._finished
@@ -110,9 +119,7 @@ class Matrix:
         for slot in range(self._jobs):
             while slot not in self._running and self._todo:
                 cell = self._todo.pop(0)
-                domain = self._domain + slot // max(
-                    1, PARTICIPANTS // (SINGLE_NODES + self._evaluators)
-                )
+                domain = self._domain + self._further(slot)
                 run = CellRun(cell, self._folder, self._folder.name, self._evaluators, domain)
                 try:
                     going = run.start()

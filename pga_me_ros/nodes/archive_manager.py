@@ -22,6 +22,7 @@ from pga_me_ros.core.storage.event_file import EventFile
 from pga_me_ros.core.storage.metrics_file import METRICS_FILE, MetricsFile
 from pga_me_ros.core.storage.reevaluating import stored_measures
 from pga_me_ros.core.storage.repertoire import Repertoire
+from pga_me_ros.core.storage.rows import Generation
 from pga_me_ros.core.storage.stored_run import repertoire_file
 from pga_me_ros.errors import RequestError, SettingsError, StorageError
 from pga_me_ros.ros import names, qos
@@ -85,10 +86,9 @@ class ArchiveManager(GraphNode):
         self._file = Repertoire.open(path, read_only=not self._grow)
         self._info = self._file.info
         self._settings = Settings.from_stored(self._info.settings)
-        self._read_archive()
+        generations = self._read_state()
         if self._archive.note:
             self.get_logger().info(self._archive.note)
-        generations = self._file.generations()
         self._metrics = generations[-1].metrics if generations else None
         self._table = MetricsFile(path.with_name(METRICS_FILE))
         self._events: EventFile | None = None
@@ -163,13 +163,14 @@ class ArchiveManager(GraphNode):
             self._events.append(stored)
         return [STATUS[status] for status in added.status.tolist()]
 
-    def _read_archive(self) -> None:
-        """Take the archive, and what its cells hold below their elites, from the file."""
-        self._archive = self._file.load_archive()
+    def _read_state(self) -> list[Generation]:
+        """Take the archive, and what its cells hold below their elites, from the file; return its generations."""
+        generations, self._archive = self._file.load_state()
         s = self._settings
         self._depth: CellDepth | None = None
         if self._grow and s.extracted:
             self._depth = self._file.load_depth(self._archive, s.cell_depth)
+        return generations
 
     def _drawn(self, generation: int) -> Int64Array:
         """Return which solutions a generation takes out of the archive; it must be the next one."""
@@ -208,7 +209,7 @@ class ArchiveManager(GraphNode):
 
     def _return_to_file(self) -> None:
         """Forget what could not be committed: what is served is what is stored."""
-        self._read_archive()
+        self._read_state()
         self._readers.archive = self._archive
         self._pictures.changed(self._archive)
 
@@ -270,12 +271,13 @@ class ArchiveManager(GraphNode):
         )
         response.evaluations = flat(self._archive.evaluations[cells], "q")
         if request.publish:
-            self._publish_elites(np.unique(cells))
+            self._publish_elites(np.unique(cells), again=True)
 
-    def _publish_elites(self, cells: Int64Array) -> None:
+    def _publish_elites(self, cells: Int64Array, *, again: bool = False) -> None:
         """Publish the elites of some cells, for nodes that make offspring of them."""
+        generation = self._last_generation
         self._elites_topic.publish(
-            elites_to_msg(self._archive, self._info.run_id, self._last_generation, cells)
+            elites_to_msg(self._archive, self._info.run_id, generation, cells, again=again)
         )
 
     def _hear(self, progress: Progress) -> None:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import signal
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -26,6 +27,26 @@ STABLE = 60.0
 
 class ChildError(PgaError):
     """A child cannot be started, or dies repeatedly."""
+
+
+@contextmanager
+def startable(name: str) -> Iterator[None]:
+    """Turn errors of the machine in a block that starts a node's process into messages that say what to do.
+
+    Args:
+        name: Node name.
+
+    Raises:
+        ChildError: The block raised such an error.
+    """
+    try:
+        yield
+    except OSError as error:
+        what = f"'{error.filename}': {error.strerror}" if error.filename else error.strerror
+        raise ChildError(
+            f"Node '{name}' cannot be started: {what}. Check memory, disk, and the limits on processes and open files "
+            "(ulimit -u, ulimit -n), or lower evaluators."
+        ) from error
 
 
 @dataclass
@@ -57,13 +78,18 @@ class Child:
         self.start()
 
     def start(self) -> None:
-        """Start its process, or a new one after one has ended."""
+        """Start its process, or a new one after one has ended.
+
+        Raises:
+            ChildError: The machine cannot start it.
+        """
         self.has_worked, self._started = False, time.monotonic()
         early, self.prepared = self.prepared, None
-        if early and early.begin(self.log_path, self.inherited):
-            self.process: ChildProcess = early
-        else:  # whatever ended an early process is reported by the one that takes its place
-            self.process = ChildProcess(self.command, self.log_path, inherited=self.inherited)
+        with startable(self.name):
+            if early and early.begin(self.log_path, self.inherited):
+                self.process: ChildProcess = early
+            else:  # whatever ended an early process is reported by the one that takes its place
+                self.process = ChildProcess(self.command, self.log_path, inherited=self.inherited)
 
     @property
     def pid(self) -> int:

@@ -46,6 +46,7 @@ class Control(EndingNode):
         self.create_service(Trigger, names.PAUSE, self._pause)
         self.create_service(Trigger, names.RESUME, self._resume)
         self.create_service(Trigger, names.STOP, self._stop)
+        self._early: dict[str, Any] | None = {}  # rates that were set before the run was open
         on_change(self, self._changed, self._change)
 
     def get_logger(self) -> RcutilsLogger | CalmLogger:
@@ -59,7 +60,15 @@ class Control(EndingNode):
             self.get_logger().warning(line)
 
     def take_rates(self, settings: Settings) -> None:
-        """Take over the rates in force of a resumed run, so that the parameters show them."""
+        """Take over the rates in force of a resumed run, so that the parameters show them.
+
+        Those that were set since the start stay as they were set.
+
+        Raises:
+            SettingsError: They do not fit those of the run.
+        """
+        early, self._early = self._early or {}, None
+        settings = settings.replace(**early)
         changed = [n for n in RATES if getattr(settings, n) != getattr(self.settings, n)]
         self.set_parameters([Parameter(n, value=getattr(settings, n)) for n in changed])
         self.settings = settings
@@ -79,6 +88,8 @@ class Control(EndingNode):
 
     def _change(self, changes: dict[str, Any]) -> None:
         self.settings = self._changed(changes)
+        if self._early is not None:
+            self._early |= changes
         listed = ", ".join(f"{name} = {value}" for name, value in changes.items())
         self.get_logger().info(f"from the next generation: {listed}")
 

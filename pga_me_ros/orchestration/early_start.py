@@ -11,7 +11,7 @@ from pga_me_ros.core.archive.make_archive import make_archive
 from pga_me_ros.core.runs.run_directory import stored_generations
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.orchestration.calls import Waiter
-from pga_me_ros.orchestration.children import node_command
+from pga_me_ros.orchestration.children import node_command, startable
 from pga_me_ros.orchestration.control import Control
 from pga_me_ros.orchestration.free_name import stop_if_asked
 from pga_me_ros.orchestration.team import SINGLETONS, evaluator_names, ros_arguments
@@ -87,7 +87,8 @@ class EarlyStart:
         arguments = ros_arguments(self._control)
         for name, kind in members.items():
             command = node_command(self._path, kind, name, arguments)
-            self.processes[name] = PreparedChild(command)
+            with startable(name):
+                self.processes[name] = PreparedChild(command)
 
 
 def _make_cells(spec: TaskSpec, settings: Settings) -> None:

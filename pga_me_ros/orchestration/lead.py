@@ -100,7 +100,6 @@ def carry_out(
         if progress.msg.state != "finished":
             progress.enter("stopping")
             progress.say(stopped(progress, directory, run))
-            return signals.exit_code
     except PgaError as error:
         progress.enter("failed")
         run.watch.failed(str(error))
@@ -113,7 +112,7 @@ def carry_out(
         timer.cancel()
         control.terminal.close()
         end(run, directory, at_once=signals.impatient)
-    return 0
+    return signals.exit_code  # a further signal may have come until now
 
 
 def lead_until_told(control: Control, signals: Signals) -> int:

@@ -64,18 +64,22 @@ class TimeLeft:
             if noted:
                 fixed, step = _costs(*_columns(noted[-WINDOW:]))
                 ahead = self._steps_ahead(noted, left)
-                total += fixed * left + step * float(ahead[:left].sum())
                 length = float(ahead[-1])
+                steps = float(ahead[:left].sum()) + length * max(0, left - len(ahead))
+                total += fixed * left + step * steps
         return total + step * length * elites if elites else total
 
     def _steps_ahead(self, noted: list[tuple[float, int]], left: int) -> Float64Array:
-        """Return the expected steps of the generations to come; of the present one if there are none."""
+        """Return the expected steps of the generations to come, up to the one from which on they stay the same.
+
+        If there are none to come, those of the present one.
+        """
         recent = max(WINDOW, len(noted) // 2)
         _, steps = _columns(noted[-recent:])
         now, slope = float(steps.mean()), 0.0
         if len(steps) >= TREND:
             slope, now = np.polyfit(np.arange(1 - len(steps), 1), steps, 1)
-        ahead = np.minimum(np.arange(1, max(left, 1) + 1), len(noted))
+        ahead = np.arange(1, min(max(left, 1), len(noted)) + 1)
         return np.clip(max(now, 0.0) + max(slope, 0.0) * ahead, 0.0, self._most_steps)
 
 

@@ -6,12 +6,14 @@ import contextlib
 import multiprocessing
 import os
 import signal
+import threading
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from functools import partial
 from itertools import islice
+from multiprocessing.process import BaseProcess
 
 from pga_me_ros.arrays import Float32Array
 from pga_me_ros.core.evaluation import reevaluation_rng
@@ -88,7 +90,16 @@ _evaluator: Evaluator | None = None
 
 def _begin() -> None:
     """Prepare a process of the pool."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:  # killed, it could not end the pool, and no process of it would notice
+        threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches all; the parent stops the pool
+
+
+def _end_with(parent: BaseProcess) -> None:
+    """End this process as soon as its parent is gone."""
+    parent.join()
+    os._exit(1)
 
 
 def _evaluate(job: Job, world: SimulatedWorld, shape: MlpShape, seed: int) -> list[RepeatOutcome]:

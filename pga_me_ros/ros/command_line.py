@@ -17,6 +17,7 @@ from rclpy.logging import LoggingSeverity, get_logger_level, set_logger_level
 
 from pga_me_ros.errors import SettingsError, nearest_name
 from pga_me_ros.paths import expanded
+from pga_me_ros.process.collection import resume_collection
 from pga_me_ros.process.early_signals import hand_over
 from pga_me_ros.process.streams import tell
 from pga_me_ros.ros.environment import prepare_environment
@@ -68,6 +69,7 @@ def start(program: Program, args: Sequence[str] | None = None, **options: Any) -
     Raises:
         SettingsError: An argument, a params file or the environment is invalid.
     """
+    resume_collection()
     args = list(sys.argv[1:] if args is None else args)
     if program.parameters and any(word in HELP for word in args):  # others have a help of options
         tell(program.help(), end="")

@@ -17,7 +17,9 @@ NOBODY = -1
 """Evaluation id of a cell without a received elite."""
 
 
-def elites_to_msg(archive: Archive, run_id: str, generation: int, cells: Int64Array) -> Elites:
+def elites_to_msg(
+    archive: Archive, run_id: str, generation: int, cells: Int64Array, *, again: bool = False
+) -> Elites:
     """Return the elites of some cells as a message.
 
     Args:
@@ -25,8 +27,9 @@ def elites_to_msg(archive: Archive, run_id: str, generation: int, cells: Int64Ar
         run_id: Its run.
         generation: Its newest generation.
         cells: (n,) filled cells.
+        again: Whether they were asked for, rather than all that the generation has changed.
     """
-    msg = Elites(run_id=run_id, generation=generation)
+    msg = Elites(run_id=run_id, generation=generation, again=again)
     msg.cells = flat(cells, "q")
     msg.evaluations = flat(archive.evaluations[cells], "q")
     msg.descriptors = flat(archive.descriptors[cells], "d")
@@ -45,14 +48,16 @@ class EliteMirror:
         descriptor_dim: Number d of descriptor dimensions.
 
     Attributes:
-        generation: Latest generation that was heard of, -1 before the first.
+        generation: Latest generation whose changes were heard, -1 before the first.
     """
 
     def __init__(self, cells: int, parameter_count: int, descriptor_dim: int) -> None:
         self._evaluations = np.full(cells, NOBODY, np.int64)
         self._descriptors = np.empty((cells, descriptor_dim))
         self._parameters = np.empty((cells, parameter_count), np.float32)
+        self._as_of = np.full(cells, -1, np.int64)  # generation of the message that each came in
         self._cell_of: dict[int, int] = {}
+        self._since = 0  # first of the generations up to the latest whose changes were all heard
         self.generation = -1
 
     def hear(self, msg: Elites) -> None:
@@ -73,20 +78,29 @@ class EliteMirror:
         self._parameters[where], self._descriptors[where] = parameters, descriptors
         for left in self._evaluations[where].tolist():
             self._cell_of.pop(left, None)
-        self._evaluations[where] = ids
+        self._evaluations[where], self._as_of[where] = ids, msg.generation
         self._cell_of.update(zip(ids.tolist(), where.tolist(), strict=True))
-        self.generation = max(self.generation, msg.generation)
+        if not msg.again and msg.generation > self.generation:
+            if msg.generation > self.generation + 1:  # changes were missed
+                self._since = msg.generation
+            self.generation = msg.generation
 
     def lacking(self, evaluations: Int64Array, generation: int = -1) -> list[int]:
         """Return the evaluation ids whose elites were not received, ascending.
 
         Args:
             evaluations: Ids, in any shape.
-            generation: All are lacking before this generation was heard of: an elite that was evaluated again keeps its
-                id, but has another descriptor.
+            generation: They are lacking, too, if they may have changed up to this generation without that having been
+                heard: an elite that was evaluated again keeps its id, but has another descriptor.
         """
-        heard = self._cell_of if self.generation >= generation else ()
-        return [k for k in np.unique(evaluations).tolist() if k not in heard]
+        wanted = np.unique(evaluations).tolist()
+        return [k for k in wanted if k not in self._cell_of or not self._is_of(k, generation)]
+
+    def _is_of(self, evaluation: int, generation: int) -> bool:
+        """Whether a received elite is known as it was at a generation."""
+        as_of = self._as_of[self._cell_of[evaluation]]
+        followed = self.generation >= generation and as_of >= self._since - 1
+        return bool(as_of >= generation or followed)
 
     def parameters(self, evaluations: Int64Array) -> Float32Array:
         """Return the parameters of elites by evaluation id; all must have been received.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import MutableMapping
+from collections.abc import Mapping, MutableMapping
 from importlib.metadata import PackageNotFoundError, distribution
 
 from pga_me_ros.errors import SettingsError
@@ -42,7 +42,7 @@ def prepare_environment(environment: MutableMapping[str, str] | None = None) -> 
     for name in LOGGING_SWITCHES:
         if variables.get(name, "") not in ("", "0", "1"):
             raise SettingsError(f"{name} is '{variables[name]}'; expected 0 or 1, or unset it.")
-    _require_domain(variables.get(DOMAIN, ""))
+    domain_of(variables)
     fill_in_dds_choices(variables)
     # Exactly "true" counts for rcl, too.
     if variables.get(SECURITY) == "true" and not has_dds_security():
@@ -53,12 +53,23 @@ def prepare_environment(environment: MutableMapping[str, str] | None = None) -> 
         )
 
 
-def _require_domain(given: str) -> None:
+def domain_of(variables: Mapping[str, str], last: int = LAST_DOMAIN) -> int:
+    """Return the ROS domain that environment variables name, 0 for none.
+
+    Args:
+        variables: Environment variables.
+        last: Greatest domain that may be given.
+
+    Raises:
+        SettingsError: It is no domain, or a greater one.
+    """
+    given = variables.get(DOMAIN, "")
     text = given.strip()
-    if text and not (text.isascii() and text.isdecimal() and int(text) <= LAST_DOMAIN):
+    if text and not (text.isascii() and text.isdecimal() and int(text) <= last):
         raise SettingsError(
-            f"{DOMAIN} is '{given}'; expected a whole number from 0 to {LAST_DOMAIN}, or unset it."
+            f"{DOMAIN} is '{given}'; expected a whole number from 0 to {last}, or unset it."
         )
+    return int(text or 0)
 
 
 def has_dds_security() -> bool:

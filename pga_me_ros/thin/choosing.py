@@ -52,18 +52,17 @@ def thinned(archive: Archive, known: Statistics, wanted: Thinning) -> Archive:
         RequestError: No elite is as steady and as fit as wanted.
     """
     steady = _steady(archive, known, wanted)
-    candidates = len(steady.known(archive))
-    cells = wanted.most
+    cells = most = min(wanted.most, len(steady.known(archive)))
     coarse = _empty(archive, cells)
     owners = corrected_owners(archive, steady, coarse)
     for _ in range(ROUNDS):
         filled = _count(owners)
-        if filled >= 0.95 * min(wanted.most, candidates):
+        if filled >= 0.95 * most:
             break
-        cells = max(cells + 1, int(cells * min(2.0, wanted.most / filled)))
+        cells = max(cells + 1, int(cells * min(2.0, most / filled)))
         finer = _empty(archive, cells)
         found = corrected_owners(archive, steady, finer)
-        if _count(found) > wanted.most:  # the coarser ones stay
+        if _count(found) > most:  # the coarser ones stay
             break
         coarse, owners = finer, found
     for cell in np.flatnonzero(owners != NOBODY).tolist():

@@ -140,6 +140,24 @@ def test_a_bad_file_is_reported_in_one_line_before_anything_starts(
     assert not folder.exists()
 
 
+@pytest.mark.parametrize(("domain", "most"), [("abc", 232), ("233", 232), ("232", 231)])
+def test_a_domain_that_it_cannot_use_is_reported_in_one_line(
+    domain: str,
+    most: int,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setenv("ROS_DOMAIN_ID", domain)
+    file = written(tmp_path)
+    assert main([str(file), "--folder", str(tmp_path / "runs"), "--jobs", "7"]) == 2
+    said = capsys.readouterr().err
+    assert said.startswith(
+        f"error: ROS_DOMAIN_ID is '{domain}'; expected a whole number from 0 to {most}"
+    )
+    assert said.count("\n") == 1
+
+
 @pytest.mark.parametrize("content", ["", "5", "[1, 2]", "\xff\xfe"])
 def test_a_file_with_other_content_is_reported(tmp_path: Path, content: str) -> None:
     path = tmp_path / "file.yaml"

@@ -53,12 +53,7 @@ def height(observations, actions):
     return [float(observations[:, 0].mean())]
 
 
-def too_long(observations, actions):
-    return [0.0, 0.0, 0.0]
-
-
 height.low, height.high = [-1.0], [1.0]
-too_long.low, too_long.high = [0.0, 0.0], [1.0, 1.0]
 
 
 class GivesNan(gymnasium.ObservationWrapper):
@@ -227,21 +222,14 @@ def test_a_task_that_fails_during_the_run_ends_the_run_with_its_reason(
     assert "cannot be done: internal fault: RuntimeError: lost a leg" in words
 
 
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        ("descriptor=swinging:too_long", "gave [0.0, 0.0, 0.0]; expected 2 finite numbers"),
-        ("descriptor=swinging:height&wrapper=swinging:GivesNan", "left the finite numbers"),
-    ],
-    ids=["length", "NaN"],
-)
-def test_an_environment_or_descriptor_that_fails_during_the_run_ends_it_with_the_reason(
-    graph: Graph, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, options: str, words: str
+def test_an_environment_that_fails_during_the_run_ends_it_with_the_reason(
+    graph: Graph, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "swinging.py").write_text(SWINGING)
     monkeypatch.setenv("PYTHONPATH", str(tmp_path), prepend=os.pathsep)
-    task = f"gymnasium:Pendulum-v1?{options}&max_steps=20"
-    assert words in refused_run(graph, tmp_path / "run", task=task)
+    options = "descriptor=swinging:height&wrapper=swinging:GivesNan&max_steps=20"
+    said = refused_run(graph, tmp_path / "run", task=f"gymnasium:Pendulum-v1?{options}")
+    assert "left the finite numbers" in said
 
 
 @dataclass

@@ -109,8 +109,13 @@ def test_kills_of_everything_at_random_moments_change_nothing(
     assert run_digest(run_dir) == search_digest(**PARAMETERS)
 
 
-@pytest.mark.parametrize("more", [NOT_ALONE, {}], ids=["listening", "deaf"])
-@pytest.mark.parametrize("folders", [("run", "run"), ("run", "other")], ids=["one", "two"])
+@pytest.mark.parametrize(
+    ("folders", "more"),
+    [
+        pytest.param(("run", "run"), {}, id="one-deaf"),
+        pytest.param(("run", "other"), NOT_ALONE, id="two-listening"),
+    ],
+)
 def test_if_two_runs_start_at_once_one_continues_and_the_other_is_refused(
     graph: Graph, tmp_path: Path, folders: tuple[str, str], more: dict[str, Any]
 ) -> None:

@@ -46,9 +46,14 @@ VARIANTS: dict[str, dict[str, Any]] = {
 }
 
 
-@pytest.mark.parametrize("evaluators", [1, 3])
 @pytest.mark.parametrize(
-    "parameters", [WALKER, ANT, DCRL], ids=["qd_walker", "qd_ant", "dcrl_map_elites"]
+    ("parameters", "evaluators"),
+    [
+        pytest.param(WALKER, 1, id="qd_walker-1"),
+        pytest.param(WALKER, 3, id="qd_walker-3"),
+        pytest.param(ANT, 3, id="qd_ant-3"),
+        pytest.param(DCRL, 3, id="dcrl_map_elites-3"),
+    ],
 )
 def test_graph_and_search_give_the_same_repertoire(
     graph: Graph, tmp_path: Path, parameters: dict[str, Any], evaluators: int

@@ -48,9 +48,8 @@ EXTRACTION = {"extract_share": 0.3, "cell_depth": 3}
 @pytest.mark.parametrize(
     ("evaluations", "more"),
     [
-        pytest.param(20, {}, id="plain"),
         pytest.param(20, EXTRACTION, id="extraction"),
-        pytest.param(10, {"greedy_init": "best", "reevaluations": 5}, id="greedy_init"),
+        pytest.param(10, {"greedy_init": "best", "reevaluations": 2}, id="greedy_init"),
     ],
 )
 def test_a_raised_budget_continues_a_finished_run(

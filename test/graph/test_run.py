@@ -36,12 +36,17 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Finished]:
         graph, probe = Graph(domain, folder), Probe(domain)
         try:
             heard = probe.listen(Progress, names.PROGRESS, qos.EXPERIENCE_READER)
-            run = graph.run(folder / "run", tensorboard=True)
+            run = graph.run(folder / "run", "-r", "archive/add:=archive/insert", tensorboard=True)
             assert run.wait() == 0, run.output
             yield Finished(folder / "run", run, heard)
         finally:
             probe.close()
             graph.kill()
+
+
+def test_a_renamed_service_is_renamed_for_all_nodes(finished: Finished) -> None:
+    assert "archive/add:=archive/insert" in finished.run.process.args
+    assert finished.run.process.returncode == 0
 
 
 def test_a_run_ends_with_a_repertoire_of_its_budget(finished: Finished) -> None:
@@ -84,8 +89,3 @@ def test_in_a_file_every_generation_has_a_line(finished: Finished) -> None:
 def test_tensorboard_shows_every_generation(finished: Finished) -> None:
     events = EventAccumulator(str(finished.run_dir)).Reload()
     assert [event.step for event in events.Scalars("archive/qd_score")] == [10, 20, 30]
-
-
-def test_a_renamed_service_is_renamed_for_all_nodes(graph: Graph, tmp_path: Path) -> None:
-    run = graph.run(tmp_path / "run", "-r", "archive/add:=archive/insert")
-    assert run.wait() == 0, run.output

@@ -51,6 +51,18 @@ def test_the_error_for_a_child_that_crashes_repeatedly_has_its_last_output(
     )
 
 
+def test_a_child_that_the_machine_cannot_start_again_is_reported_with_the_reason(
+    children: Children, tmp_path: Path
+) -> None:
+    started(children, "exit(3)")
+    log = tmp_path / "logs" / "node.log"
+    log.unlink()
+    log.mkdir()
+    words = f"^Node 'node' cannot be started: '{log}': Is a directory. Check memory, disk, and"
+    with pytest.raises(ChildError, match=words):
+        die(children)
+
+
 def test_output_of_an_earlier_process_is_not_reported(children: Children, tmp_path: Path) -> None:
     (tmp_path / "logs" / "node.log").write_text("all is well\n")
     started(children, LIVES)

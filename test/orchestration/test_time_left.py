@@ -125,6 +125,23 @@ def test_episodes_are_not_expected_beyond_their_time_limit() -> None:
     assert left.seconds(10) == pytest.approx(1000 * 0.01 * 2000)
 
 
+@pytest.mark.parametrize(("most", "later"), [(2000, 2000), (10**6, 4000)])
+def test_any_budget_has_an_estimate_in_no_time(most: int, later: int) -> None:
+    generations = 2**63 // 100
+    left = TimeLeft(0, generations, most)
+    for number in range(10):
+        left.note(number, 0.01 * 200 * (number + 1), 200 * (number + 1))
+    assert left.seconds(10) == pytest.approx(generations * 0.01 * later)
+
+
+def test_what_is_to_come_is_summed_generation_by_generation() -> None:
+    left = TimeLeft(0, 25, 10**6)
+    for number in range(10):
+        left.note(number, 0.01 * 200 * (number + 1), 200 * (number + 1))
+    to_come = [2000 + 200 * min(k, 10) for k in range(1, 16)]
+    assert left.seconds(10) == pytest.approx(0.01 * sum(to_come))
+
+
 def test_a_run_of_random_controllers_alone_is_known_at_once() -> None:
     left = TimeLeft(5, 3, 1000)
     assert math.isnan(left.seconds(0))

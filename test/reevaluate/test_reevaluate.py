@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import os
+import select
 import shutil
 import signal
 import subprocess
@@ -207,6 +208,15 @@ def test_ctrl_c_keeps_what_was_done(fresh: Path) -> None:
     assert all(line.endswith(" evaluations") for line in progress)
     rows = load(fresh)[1]
     assert_rows_hold(fresh, rows, range(0, len(rows.fitness), 10))
+
+
+def test_workers_end_when_their_parent_is_killed(fresh: Path) -> None:
+    with started(fresh) as process:
+        children = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
+        worker = os.pidfd_open(int(children[-1]))
+        process.kill()
+        assert select.select([worker], [], [], 60.0)[0], "it is still there"
+        os.close(worker)
 
 
 def test_a_killed_worker_is_reported_in_one_line_and_nothing_is_lost(fresh: Path) -> None:

@@ -65,7 +65,7 @@ def test_missed_elites_can_be_received_later_and_twice() -> None:
     np.testing.assert_array_equal(late.parameters(ids), archive.parameters[cells])
 
 
-def test_all_are_lacking_before_their_generation_was_heard_of() -> None:
+def test_all_are_lacking_before_the_changes_of_their_generation_were_heard() -> None:
     archive, mirror = grown(8)
     ids = archive.evaluations[archive.filled_cells()]
     assert mirror.generation == 7
@@ -73,6 +73,22 @@ def test_all_are_lacking_before_their_generation_was_heard_of() -> None:
     assert mirror.lacking(ids, 8) == sorted(ids.tolist())
     mirror.hear(elites_to_msg(archive, "r", 8, archive.filled_cells()[:1]))
     assert mirror.lacking(ids, 8) == []
+
+
+def test_what_is_published_again_says_nothing_about_the_others() -> None:
+    archive, mirror = grown(8)
+    cells = archive.filled_cells()
+    ids = archive.evaluations[cells]
+    mirror.hear(
+        elites_to_msg(archive, "r", 8, cells[:2], again=True)
+    )  # the changes of 8 are missed
+    assert mirror.lacking(ids, 8) == sorted(ids[2:].tolist())
+    assert mirror.lacking(ids, 7) == []
+    mirror.hear(elites_to_msg(archive, "r", 9, cells[2:4]))
+    assert mirror.lacking(ids, 9) == sorted(ids[4:].tolist())  # any of them may have changed in 8
+    mirror.hear(elites_to_msg(archive, "r", 9, cells[4:], again=True))
+    mirror.hear(elites_to_msg(archive, "r", 10, cells[:1]))
+    assert mirror.lacking(ids, 10) == []
 
 
 def test_no_parents_are_none() -> None:

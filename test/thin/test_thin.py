@@ -104,6 +104,12 @@ def test_the_best_of_each_part_is_kept(run: StoredRun, named: StoredRun) -> None
         assert named.statistics.mean_fitness[part] == means[inside].max()
 
 
+def test_more_cells_than_elites_are_no_more_work(run: StoredRun) -> None:
+    kept = thinned(run.archive, run.statistics, Thinning(10**11))
+    assert 0 < len(kept) <= len(run.archive)
+    assert kept.digest() == thinned(run.archive, run.statistics, Thinning(10**12)).digest()
+
+
 def test_the_card_tells_where_it_comes_from(run: StoredRun, zoo: Path) -> None:
     card = (zoo / "tiny_hopper" / "card.md").read_text()
     assert card.startswith("# tiny_hopper: ")

@@ -209,17 +209,29 @@ class Repertoire:
             StorageError: A row is damaged, missing or foreign.
         """
         with explained(self.path), transaction(self._connection, "DEFERRED"):
-            _, archive = row_to_archive(self._run_row())
-            digests = []
-            for row in self._connection.execute("SELECT * FROM elites ORDER BY cell"):
-                archive.put(row_to_elite(row, archive))
-                digests.append(row[-1])
-            last = self._last()
-            expected = (0, xor_digests([]))
-            if last is not None:
-                expected = (last.metrics.coverage, last.elites_digest)
-            if (len(archive), xor_digests(digests)) != expected:
-                raise DamagedRow("its elites are not those of its last generation")
+            return self._read_archive()
+
+    def load_state(self) -> tuple[list[Generation], Archive]:
+        """Return what `generations` and `load_archive` do, both of one state of a file that may be growing.
+
+        Raises:
+            StorageError: A row is damaged, missing or foreign.
+        """
+        with explained(self.path), transaction(self._connection, "DEFERRED"):
+            return self._read_generations(0, None), self._read_archive()
+
+    def _read_archive(self) -> Archive:
+        _, archive = row_to_archive(self._run_row())
+        digests = []
+        for row in self._connection.execute("SELECT * FROM elites ORDER BY cell"):
+            archive.put(row_to_elite(row, archive))
+            digests.append(row[-1])
+        last = self._last()
+        expected = (0, xor_digests([]))
+        if last is not None:
+            expected = (last.metrics.coverage, last.elites_digest)
+        if (len(archive), xor_digests(digests)) != expected:
+            raise DamagedRow("its elites are not those of its last generation")
         return archive
 
     def load_depth(self, archive: Archive, depth: int) -> CellDepth:
@@ -242,10 +254,13 @@ class Repertoire:
             StorageError: A row is damaged or missing.
         """
         with explained(self.path):
-            query = f"{self._generations} WHERE generation >= ? ORDER BY generation LIMIT ?"
-            found = self._connection.execute(query, (first, -1 if limit is None else limit))
-            rows = [row_to_generation(row) for row in found]
-            require_whole([row.metrics for row in rows], first)
+            return self._read_generations(first, limit)
+
+    def _read_generations(self, first: int, limit: int | None) -> list[Generation]:
+        query = f"{self._generations} WHERE generation >= ? ORDER BY generation LIMIT ?"
+        found = self._connection.execute(query, (first, -1 if limit is None else limit))
+        rows = [row_to_generation(row) for row in found]
+        require_whole([row.metrics for row in rows], first)
         return rows
 
     def bests(self) -> list[Elite]:

@@ -99,11 +99,14 @@ class StoredRun:
                 f"'{file}' is an exported file; give the folder of the run, or load its arrays with numpy.load."
             )
         with Repertoire.open(file, read_only=True) as repertoire:
-            info, generations = repertoire.info, tuple(repertoire.generations())
-            archive = repertoire.load_archive() if elites else None
+            info, archive = repertoire.info, None
+            if elites:
+                generations, archive = repertoire.load_state()
+            else:
+                generations = repertoire.generations()
         spec = TaskSpec.from_json(info.task)
         rows = Reevaluations.load(file, info.run_id, spec.descriptor_dim)
-        run = cls(file, info, _settings(file, info), spec, generations, rows)
+        run = cls(file, info, _settings(file, info), spec, tuple(generations), rows)
         if archive is not None:
             if not len(archive):
                 raise StorageError(f"'{file}' holds no behavior yet; run it for longer first.")

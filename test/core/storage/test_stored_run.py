@@ -10,6 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pga_me_ros.core.archive.archive import Archive
+from pga_me_ros.core.archive.elites import Solutions
+from pga_me_ros.core.archive.metrics import generation_metrics
 from pga_me_ros.core.evaluation import as_evaluated, evaluation_rng
 from pga_me_ros.core.runs.run_directory import open_run
 from pga_me_ros.core.storage.npz import save_arrays
@@ -52,6 +55,41 @@ def test_folder_and_file_give_the_same_run(hopper_run: Path, run: StoredRun) -> 
     assert (other.name, other.info, other.metrics) == (hopper_run.name, run.info, run.metrics)
     assert (run.settings.seed, run.spec.name, run.shape.sizes[1:3]) == (5, "qd_hopper", (16, 8))
     assert run.curve("evaluations").tolist() == [10.0, 20.0]
+
+
+def test_generations_and_archive_are_of_one_state_of_a_growing_run(
+    hopper_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = tmp_path / "run"
+    shutil.copytree(hopper_run, folder)
+    before = StoredRun.load(folder)
+    archive, last = StoredRun.load(folder).archive, before.generations[-1]
+    cell = int(archive.filled_cells()[0])
+    better = archive.elite(cell)
+    batch = Solutions.of(
+        fitness=[better.fitness + 1.0],
+        descriptors=better.descriptor[None],
+        parameters=better.parameters[None],
+        evaluations=[20],
+        generation=2,
+    )
+    added = archive.add(batch)
+    metrics = generation_metrics(archive, batch, added, 2, last.metrics)
+    read = Repertoire._read_archive
+
+    def after_a_commit(file: Repertoire) -> Archive:
+        monkeypatch.undo()
+        with Repertoire.open(folder / REPERTOIRE) as growing:
+            growing.commit(2, [archive.elite(cell)], metrics, last.rates)
+        return read(file)
+
+    monkeypatch.setattr(Repertoire, "_read_archive", after_a_commit)
+    torn = StoredRun.load(folder)
+    assert len(torn.generations) == 2
+    assert torn.archive.digest() == before.archive.digest()
+    now = StoredRun.load(folder)
+    assert len(now.generations) == 3
+    assert now.archive.digest() == archive.digest()
 
 
 def test_the_archive_can_be_read_on_first_use(hopper_run: Path, run: StoredRun) -> None:
