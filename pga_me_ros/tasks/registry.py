@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import hashlib
 import importlib
 import inspect
+import json
 import sys
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
@@ -89,10 +91,10 @@ def make_task(name: str, randomization: str = "", damage: str = "") -> Task:
 def simulation_versions(name: str) -> str:
     """Return the versions that a task's results depend on, in words: evaluators of a run must agree on them.
 
-    Starts and imports nothing.
+    The last one tells specs apart: a checkout of another revision may have the same task with other limits.
 
     Args:
-        name: As in `load_task`.
+        name: As in `load_task`, which it raises like.
     """
     libraries = ["numpy", "pybullet"]
     if name.startswith(GYMNASIUM_PREFIX):
@@ -104,6 +106,8 @@ def simulation_versions(name: str) -> str:
             found.append(f"{library} {version(library)}")
         except PackageNotFoundError:
             found.append(f"no {library}")
+    spec = json.dumps(task_spec(name).to_json(), sort_keys=True)
+    found.append(f"task spec {hashlib.sha256(spec.encode()).hexdigest()[:8]}")
     return ", ".join(found)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import subprocess
 import sys
 from pathlib import Path
@@ -74,6 +75,16 @@ def test_module_that_fails_to_load_is_named_with_its_error(
     monkeypatch.syspath_prepend(str(tmp_path))
     with pytest.raises(TaskError, match="ZeroDivisionError"):
         load_task("task_with_a_bug:Task")
+
+
+def test_versions_tell_another_revision_of_a_task_apart(monkeypatch: pytest.MonkeyPatch) -> None:
+    ours, task = simulation_versions("qd_hopper"), load_task("qd_hopper")
+    assert ours == simulation_versions("qd_hopper")
+    monkeypatch.setattr(task, "spec", dataclasses.replace(task.spec, max_steps=999))
+    *same, spec = simulation_versions("qd_hopper").split(", ")
+    assert same == ours.split(", ")[:-1]
+    assert spec.startswith("task spec ")
+    assert spec not in ours
 
 
 def test_versions_name_what_results_depend_on() -> None:
