@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,10 +13,42 @@ from pga_me_ros.core.archive.archive import Archive
 from pga_me_ros.core.archive.corrected import corrected_archive
 from pga_me_ros.core.storage.reevaluations import fitness_differences
 from pga_me_ros.core.storage.stored_run import StoredRun
-from pga_me_ros.errors import StorageError
+from pga_me_ros.errors import RequestError, StorageError
 from pga_me_ros.tasks.spec import TaskSpec
 
 Curve = Float64Array
+
+
+def common_grid(evaluations: Sequence[Curve], last: float) -> Curve:
+    """Return where curves of several runs are drawn: wherever a generation of one of them ends.
+
+    Runs of other batch sizes end their generations after other numbers of evaluations, so a median over generations
+    would mix them.
+
+    Args:
+        evaluations: (generations,) evaluations after each generation, of each run.
+        last: Number of evaluations to end at.
+
+    Returns:
+        (n,) float64 numbers of evaluations, ascending.
+    """
+    grid = np.unique(np.concatenate(evaluations))
+    return grid[grid <= last]
+
+
+def values_at(evaluations: Curve, values: Curve, asked: Curve) -> Curve:
+    """Return a metric after given numbers of evaluations: its value at the last generation within each.
+
+    Args:
+        evaluations: (generations,) evaluations after each generation, ascending.
+        values: (generations,) the metric after each.
+        asked: (n,) numbers of evaluations.
+
+    Returns:
+        (n,) float64, NaN before the end of the first generation.
+    """
+    places = np.searchsorted(evaluations, asked, side="right") - 1
+    return np.where(places < 0, np.nan, values[np.maximum(places, 0)])
 
 
 def _corrected_curves(run: StoredRun) -> dict[str, Curve]:
@@ -66,11 +98,17 @@ class ComparedRun:
 
         Raises:
             StorageError: There is no run, it is damaged, or it has no generation yet.
+            RequestError: It is a thinned repertoire, without the generations that led to it.
         """
         run = StoredRun.load(path, elites=False)
         metrics = run.metrics
         if not metrics:
             raise StorageError(f"'{run.file}' holds no behavior yet; run it for longer first.")
+        if run.is_thinned:
+            raise RequestError(
+                f"'{run.file}' is thinned: it has a part of a run's elites and no generations to compare; give the "
+                "whole run, or report on it without --compare."
+            )
         lowest = run.curve("min_fitness")
         if np.isnan(lowest).any():  # older versions don't store it: use the final archive, too
             lowest = np.append(lowest, run.archive.min_fitness)
@@ -109,15 +147,14 @@ class ComparedRun:
         """Return a metric after given numbers of evaluations: its value at the last generation within each.
 
         Args:
-            evaluations: (n,) numbers of evaluations, none below those of the first generation.
+            evaluations: (n,) numbers of evaluations.
             metric: A key of `curves`.
             offset: Fitness that QD-scores are measured from.
 
         Returns:
-            (n,) float64.
+            (n,) float64, NaN before the end of the first generation.
         """
         values = self.curves[metric]
         if metric.endswith("qd_score"):
             values = values - offset * self.curves[metric.replace("qd_score", "coverage")]
-        places = np.searchsorted(self.evaluations, evaluations, side="right") - 1
-        return values[np.maximum(places, 0)]
+        return values_at(self.evaluations, values, evaluations)

@@ -14,7 +14,7 @@ from pga_me_ros.arrays import Float64Array
 from pga_me_ros.errors import RequestError, StorageError
 from pga_me_ros.experiment.experiment_file import REFERENCE, read_experiment
 from pga_me_ros.experiment.plan import COPY
-from pga_me_ros.report.compared_run import ComparedRun, Curve
+from pga_me_ros.report.compared_run import ComparedRun, Curve, common_grid
 from pga_me_ros.tasks.spec import OPTIONAL_FIELDS
 
 METRICS = {
@@ -59,10 +59,9 @@ class TaskComparison:
         return np.array([value for value in values if not math.isnan(value)])
 
     def curve(self, system: str, metric: str) -> tuple[Curve, Float64Array]:
-        """Return evaluations (n,) and the values (runs, n) of a system's runs."""
+        """Return evaluations (n,) and the values (runs, n) of a system's runs, NaN where unknown."""
         runs = self.systems[system]
-        grid = runs[0].evaluations
-        grid = grid[grid <= self.evaluations]
+        grid = common_grid([run.evaluations for run in runs], self.evaluations)
         return grid, np.stack([run.at(grid, metric, self.offset) for run in runs])
 
     def typical(self, system: str) -> ComparedRun:
@@ -111,7 +110,8 @@ def compare(
         missing: Missing runs, in words.
 
     Raises:
-        RequestError: There is no run, a run is given twice, or different tasks have the same name.
+        RequestError: There is no run, a run is given twice, different tasks have the same name, or a run's first
+            generation ends later than another run.
     """
     if not runs:
         first = f"; {len(missing)} are missing, the first: {missing[0]}" if missing else ""
@@ -142,10 +142,18 @@ def _task_comparison(task: str, systems: dict[str, list[ComparedRun]]) -> TaskCo
             f"'{other.file}' and '{runs[0].file}' are runs of different tasks that are both called {task}; compare "
             "runs of one version of it."
         )
+    shortest = min(runs, key=lambda run: run.evaluations[-1])
+    end = shortest.evaluations[-1]
+    late = next((run for run in runs if run.evaluations[0] > end), None)
+    if late:
+        raise RequestError(
+            f"The first generation of '{late.file}' ends after {late.evaluations[0]:,.0f} evaluations, but "
+            f"'{shortest.file}' as a whole after {end:,.0f}: there is no number to compare both at; leave one out."
+        )
     return TaskComparison(
         task,
         systems,
-        min(run.evaluations[-1] for run in runs),
+        end,
         min(run.lowest_fitness for run in runs),
     )
 

@@ -111,7 +111,7 @@ def draw_archives_compared(
 
 
 def _draw_archives(task: TaskComparison, folder: Path, *, single: bool) -> list[Path]:
-    """Draw the archive of each system's run with the median QD-score."""
+    """Draw the last archive of each system's run with the median QD-score; runs don't store earlier ones."""
     runs = {system: task.typical(system) for system in task.systems}
     corrected = not single and all(run.is_corrected for run in runs.values())
     archives = {system: run.load_archive(corrected=corrected) for system, run in runs.items()}
@@ -135,9 +135,14 @@ def _draw_archives(task: TaskComparison, folder: Path, *, single: bool) -> list[
         figure.supxlabel(axes.get_xlabel(), fontsize=10)
         figure.supylabel(axes.get_ylabel(), fontsize=10)
         axes.set(xlabel="", ylabel="")
-        axes.set_title(f"{system}, seed {runs[system].seed}", fontsize=9)
+        run = runs[system]
+        last = f"after {run.evaluations[-1]:,.0f} evaluations"
+        axes.set_title(f"{system}, seed {run.seed}\n{last}", fontsize=9)
     draw_color_scale(figure, grid, "fitness (sum of rewards)", fitness)
-    what = "; corrected by the means of re-evaluations" if corrected else ""
-    title = f"{task.task}: of each system the run with the median QD-score{what}"
+    what = ", corrected by the means of re-evaluations" if corrected else ""
+    title = (
+        f"{task.task}: of each system the run with the median QD-score\n"
+        f"after {task.evaluations:,.0f} evaluations; its last archive{what}"
+    )
     figure.suptitle(title, fontsize=10)
     return save(figure, folder / f"comparison-{file_name(task.task)}-archives")

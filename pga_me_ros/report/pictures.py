@@ -25,6 +25,7 @@ from pga_me_ros.core.archive.heatmap import ANCHORS, Image, draw_heatmap
 from pga_me_ros.core.storage.files import save_bytes
 from pga_me_ros.core.storage.stored_run import StoredRun
 from pga_me_ros.paths import file_name
+from pga_me_ros.report.compared_run import common_grid, values_at
 from pga_me_ros.report.paper import LABEL, SYSTEMS, curves_beside, paper_curve, published_at
 
 CURVES = (
@@ -145,7 +146,7 @@ def draw_curves(runs: Sequence[StoredRun], folder: Path, *, paper: bool = False)
     """Draw learning curves of runs on one task: each algorithm's median, and quartiles if it has several runs.
 
     Args:
-        runs: The runs; each algorithm's curve ends with its shortest run.
+        runs: The runs; each algorithm's curve ends with its run of the fewest evaluations.
         folder: Folder of the files.
         paper: Whether to draw the authors' published medians under them: those of the runs' algorithms, or of
             PGA-MAP-Elites if they published none of these.
@@ -184,9 +185,11 @@ def draw_curves(runs: Sequence[StoredRun], folder: Path, *, paper: bool = False)
 def _draw_curve(
     axes: Axes, runs: Sequence[StoredRun], metric: str, color: str, line: LineStyleType
 ) -> None:
-    length = min(len(run.metrics) for run in runs)
-    evaluations = runs[0].curve("evaluations")[:length]
-    curves = np.stack([run.curve(metric)[:length] for run in runs])
+    ends = [run.curve("evaluations") for run in runs]
+    evaluations = common_grid(ends, min(end[-1] for end in ends))
+    curves = np.stack(
+        [values_at(e, run.curve(metric), evaluations) for e, run in zip(ends, runs, strict=True)]
+    )
     first, median, third = np.quantile(curves, (0.25, 0.5, 0.75), axis=0)
     axes.plot(evaluations, median, color=color, linestyle=line)
     if len(runs) > 1:
