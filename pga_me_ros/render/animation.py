@@ -26,6 +26,9 @@ GAP = 2
 TICK = 0.01
 """Unit of a GIF's times, s."""
 
+SHORTEST = 2
+"""Fewest ticks that a picture stays: browsers show one of a single tick, or none, for ten."""
+
 LARGEST = 65_535
 """Most pixels of a side of a GIF, and most units that one of its pictures may stay."""
 
@@ -114,17 +117,37 @@ def side_by_side(films: Sequence[list[Image.Image]], columns: int) -> list[Image
     return frames
 
 
+def spaced(ticks: Sequence[int]) -> list[int]:
+    """Return the pictures that can be shown, at least `SHORTEST` ticks apart; the last one is always among them.
+
+    Args:
+        ticks: Time of each picture, ticks from the start.
+
+    Returns:
+        Indices, ascending.
+    """
+    kept = [len(ticks) - 1]
+    for k in reversed(range(len(ticks) - 1)):
+        if ticks[kept[-1]] - ticks[k] >= SHORTEST:
+            kept.append(k)
+    return kept[::-1]
+
+
 def save_gif(path: Path, frames: list[Image.Image], times: list[float]) -> None:
     """Write an animation that repeats forever.
 
     Args:
         path: File to write.
-        frames: Its pictures.
+        frames: Its pictures. Those that follow too fast for browsers are left out.
         times: Time of each frame, s from the start. The last one stays for a second.
 
     Raises:
         StorageError: The file cannot be written.
     """
+    # Times are rounded, not durations, so that errors do not add up.
+    ticks = [round(time / TICK) for time in times]
+    kept = spaced(ticks)
+    frames, ticks = [frames[k] for k in kept], [ticks[k] for k in kept]
     # One palette for all, or colors would flicker; made from frames throughout, as the first may lack some colors.
     sample = frames[:: max(1, len(frames) // 6)]
     strip = Image.new("RGB", (frames[0].width, frames[0].height * len(sample)))
@@ -132,8 +155,6 @@ def save_gif(path: Path, frames: list[Image.Image], times: list[float]) -> None:
         strip.paste(frame, (0, k * frame.height))
     palette = strip.quantize(COLORS, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
     few = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
-    # Times are rounded, not durations, so that errors do not add up.
-    ticks = [round(time / TICK) for time in times]
     lasting = [10 * (b - a) for a, b in itertools.pairwise(ticks)] + [1000]
     content = io.BytesIO()
     few[0].save(
