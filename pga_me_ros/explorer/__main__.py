@@ -11,6 +11,7 @@ from typing import Any
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as in evaluators
 
 from pga_me_ros.arguments import ArgumentParser
+from pga_me_ros.core.storage.distinct import require_distinct
 from pga_me_ros.core.storage.files import require_writable
 from pga_me_ros.core.storage.stored_run import StoredRun
 from pga_me_ros.errors import RequestError
@@ -65,11 +66,12 @@ def explore(options: argparse.Namespace, ros_args: Sequence[str] = ()) -> None:
         ros_args: ``--ros-args`` and what follows.
 
     Raises:
-        PgaError: What the page needs is not installed, a run cannot be read, the port is taken, or the file cannot be
-            written.
+        PgaError: What the page needs is not installed, a run cannot be read or is given twice, more than two are
+            named, the port is taken, or the file cannot be written.
     """
     require_web()
     _require_use(options)
+    _require_two_at_most(options)
     if options.html is None:
         _serve(options, ros_args)
     elif options.graph or not options.runs:
@@ -96,10 +98,22 @@ def _require_use(options: argparse.Namespace) -> None:
             raise RequestError(f"--{name} has a meaning {where}; leave it out.")
 
 
+def _require_two_at_most(options: argparse.Namespace) -> None:
+    """Refuse more than stand beside each other.
+
+    Raises:
+        RequestError: There are more than two.
+    """
+    named = len(options.runs) + len(options.graph)
+    if named > 2:
+        raise RequestError(f"{named} are named, but a page shows one or two; leave the others out.")
+
+
 def _write(options: argparse.Namespace) -> None:
     out = options.html
     require_writable(out, (".html", ".htm"), "--html")
     runs = [StoredRun.load(path) for path in options.runs]
+    require_distinct(runs)
     seed = UNSEEN if options.seed is None else options.seed
     motions = MOTIONS if options.motions is None else options.motions
     starts = [EpisodeStart(), EpisodeStart(seed)]
@@ -123,7 +137,9 @@ def _write(options: argparse.Namespace) -> None:
 def _serve(options: argparse.Namespace, ros_args: Sequence[str]) -> None:
     from pga_me_ros.explorer.live import access_for, serve
 
-    sources: list[Source] = [StoredSource(path, str(path)) for path in options.runs]
+    stored = [StoredSource(path, str(path)) for path in options.runs]
+    require_distinct(source.run for source in stored)
+    sources: list[Source] = [*stored]
     if options.graph or not sources:
         from pga_me_ros.explorer.graph_source import open_graphs
 

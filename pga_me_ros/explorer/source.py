@@ -76,6 +76,9 @@ class StoredSource:
         path: As for `StoredRun.load`.
         name: What the user calls it.
 
+    Attributes:
+        run: The run as it was last read.
+
     Raises:
         StorageError: There is no run, it is damaged, or it holds no behavior yet.
     """
@@ -84,9 +87,9 @@ class StoredSource:
         self._path, self._name = path, name
         self.version = 0
         self.problem = ""
-        self._run = StoredRun.load(path)
+        self.run = StoredRun.load(path)
         self._stamp = self._stamp_now()
-        self.settings = self._run.settings
+        self.settings = self.run.settings
         self.content = self._described()
 
     def refresh(self) -> None:
@@ -100,7 +103,7 @@ class StoredSource:
         except (PgaError, OSError) as error:
             self.problem = f"{error} The page shows the last state that could be read."
             return
-        self._run, self._stamp, self.problem = run, stamp, ""
+        self.run, self._stamp, self.problem = run, stamp, ""
         self.content = self._described()
         self.version += 1
 
@@ -110,7 +113,7 @@ class StoredSource:
 
     def gait(self, cell: int) -> Gait:
         """See `Source`."""
-        return self._run.behavior(cell)
+        return self.run.behavior(cell)
 
     def download(self, cell: int, kind: str) -> bytes:
         """See `Source`."""
@@ -131,11 +134,11 @@ class StoredSource:
         """See `Source`."""
 
     def _described(self) -> dict[str, Any]:
-        return describe(self._run, self._name)
+        return describe(self.run, self._name)
 
     def _stamp_now(self) -> tuple[tuple[int, int] | None, ...]:
         """Return time and size of each file that the page depends on."""
-        file = self._run.file
+        file = self.run.file
         stamps: list[tuple[int, int] | None] = []
         for path in (file, Path(f"{file}-wal"), file.with_name(FILE)):
             try:

@@ -15,6 +15,7 @@ import numpy as np
 
 from pga_me_ros.arguments import ArgumentParser
 from pga_me_ros.core.archive.corrected import complete_metrics
+from pga_me_ros.core.storage.distinct import require_distinct
 from pga_me_ros.core.storage.files import make_folder, save_bytes
 from pga_me_ros.core.storage.stored_run import StoredRun
 from pga_me_ros.errors import RequestError
@@ -196,7 +197,8 @@ def main(args: Sequence[str] | None = None) -> int:
 def _reported(options: argparse.Namespace) -> list[Path]:
     """Report on runs one by one; returns the files."""
     runs = [StoredRun.load(path) for path in options.runs]
-    _require_distinct(runs)
+    require_distinct(runs)
+    _require_own_names(runs)
     for run in runs:
         if run.archive.note:
             print(f"note: '{run.name}': {run.archive.note}", file=sys.stderr)
@@ -225,21 +227,15 @@ def _compared(comparison: Comparison, options: argparse.Namespace) -> list[Path]
     return [file, *drawn]
 
 
-def _require_distinct(runs: Sequence[StoredRun]) -> None:
-    """Make sure that no run counts twice, and that each has a name of its own, which its pictures are named after.
+def _require_own_names(runs: Sequence[StoredRun]) -> None:
+    """Make sure that each run has a name of its own, which its pictures are named after.
 
     Raises:
-        RequestError: Two are the same run, or have the same name. Different parts of a run, by `thin`, may be given.
+        RequestError: Two have the same.
     """
-    seen: dict[object, StoredRun] = {}
+    seen: dict[str, StoredRun] = {}
     for run in runs:
-        which = run.file.resolve() if run.is_thinned else run.info.run_id
-        other = seen.setdefault(which, run)
-        if other is not run:
-            raise RequestError(
-                f"'{run.file}' is the same run as '{other.file}'; it would count twice: leave one out."
-            )
-        other = seen.setdefault((run.name,), run)
+        other = seen.setdefault(run.name, run)
         if other is not run:
             raise RequestError(
                 f"'{run.file}' and '{other.file}' are both in a folder named '{run.name}', so the pictures of one "

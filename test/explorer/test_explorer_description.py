@@ -315,7 +315,9 @@ def test_scripts_are_short_enough_to_read() -> None:
         (["--motions", "3"], "--motions has a meaning only with --html"),
         (["--damage", "ice"], "--damage has a meaning only with --html"),
         (["--graph", "left"], "'left' does not begin with a slash; expected --graph /left"),
-        (["--graph", "/a", "--graph", "/a"], "a namespace twice"),
+        (["--graph", "/a", "--graph", "/b"], "3 are named, but a page shows one or two"),
+        ([ZOO], "is the same run as"),
+        ([ZOO, "--html", "page.html"], "is the same run as"),
         (["--ros-args", "-r", "__ns:=/left"], "only stored runs are named"),
     ],
 )

@@ -62,12 +62,15 @@ const Colors = (() => {
     return { measure, low, high, below: least < low, above: most > high, color };
   }
 
-  // The first run minus the second, cell by cell.
+  // The first run minus the second, cell by cell; `mixed` cells have a mean on one side only.
   function difference(first, second) {
     const gaps = new Map();
+    let mixed = 0;
     for (const elite of first.elites) {
       const other = second.byCell.get(elite.cell);
-      if (other) gaps.set(elite.cell, elite.promise - other.promise);
+      if (!other) continue;
+      gaps.set(elite.cell, elite.promise - other.promise);
+      mixed += elite.judged !== other.judged;
     }
     const sizes = [...gaps.values()].map(Math.abs);
     const most = range(sizes)[1] || 1;
@@ -76,7 +79,7 @@ const Colors = (() => {
       if (gaps.has(cell)) return onRamp(DIVERGING, 0.5 + gaps.get(cell) / most / 2);
       return first.byCell.has(cell) ? ONLY.first : ONLY.second;
     };
-    return { gaps, most, beyond, color, ramp: DIVERGING };
+    return { gaps, mixed, most, beyond, color, ramp: DIVERGING };
   }
 
   // A ramp between the values of its ends, which must not be torn apart at the end of a line.

@@ -175,14 +175,17 @@ const Maps = (() => {
     const { runs } = Store.state;
     const focused = views.findIndex((view) => view.svg === document.activeElement);
     const drawn = runs.map((run) => draw(run, run.caption));
+    let hint = null;
+    if (runs.length === 2 && !Store.comparable()) hint = `There is no map of the difference: ${Store.unlike()}.`;
     if (Store.comparable()) {
       const [first, second] = runs;
       const compared = Colors.difference(first, second);
+      const { mixed, gaps } = compared;
+      if (mixed) hint = `In ${mixed} of ${gaps.size} cells of the difference, only one run has a mean of re-evaluations; the other's fitness is that of a single evaluation, which may have been lucky.`;
       drawn.push(draw(first, `Fitness of ${first.caption} minus ${second.caption}`, compared));
     }
     views = drawn.map((d) => d.view);
-    const why = runs.length === 2 && !Store.comparable() ? "There is no map of the difference: the cells of the two runs are not the same." : null;
-    Page.replace(Page.byId("maps"), ...drawn.map((d) => d.figure), why && Page.make("p", { class: "hint" }, why));
+    Page.replace(Page.byId("maps"), ...drawn.map((d) => d.figure), hint && Page.make("p", { class: "hint" }, hint));
     if (focused >= 0 && views[focused]) views[focused].svg.focus();
     paint();
     markChosen();

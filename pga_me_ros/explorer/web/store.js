@@ -42,11 +42,17 @@ const Store = (() => {
   const run = () => state.runs[state.run];
   const chosen = () => (run() && state.cell !== null ? run().byCell.get(state.cell) : undefined);
   const best = (of) => of.elites.reduce((a, b) => (b.promise > a.promise ? b : a), of.elites[0]);
-  // Two runs can be compared cell by cell if their cells are the same ones.
-  const comparable = () =>
-    state.runs.length === 2 && JSON.stringify(state.runs[0].archive) === JSON.stringify(state.runs[1].archive);
+  // Why two runs cannot be compared cell by cell; empty if they can.
+  function unlike() {
+    const differ = (part) => JSON.stringify(part(state.runs[0])) !== JSON.stringify(part(state.runs[1]));
+    if (differ((r) => r.spec.name)) return "the two runs are of different tasks";
+    if (differ((r) => r.spec.descriptor_names)) return "the descriptors of the two runs are not the same";
+    return differ((r) => r.archive) ? "the cells of the two runs are not the same" : "";
+  }
 
-  return { state, on, set, read, run, chosen, best, comparable };
+  const comparable = () => state.runs.length === 2 && !unlike();
+
+  return { state, on, set, read, run, chosen, best, unlike, comparable };
 })();
 
 // The address of the page names the gait that is shown, so that a link opens it again.
