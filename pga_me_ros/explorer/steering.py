@@ -6,12 +6,13 @@ import dataclasses
 import threading
 from typing import Any
 
-from rcl_interfaces.srv import GetParameters, SetParameters
+from rcl_interfaces.srv import GetParameters, SetParametersAtomically
 from rclpy.client import Client
 from rclpy.node import Node
 from rclpy.parameter import Parameter, parameter_value_to_python
 from std_srvs.srv import Trigger
 
+from pga_me_ros.arguments import number, whole_number
 from pga_me_ros.core.settings import RATES, Settings
 from pga_me_ros.core.settings.rules import useless
 from pga_me_ros.errors import RequestError
@@ -23,6 +24,14 @@ TIMEOUT = 5.0
 """Seconds to wait for the orchestrator."""
 
 ORCHESTRATOR = "orchestrator"
+
+FIELDS = {f.name: f for f in dataclasses.fields(Settings)}
+"""What is known of each setting."""
+
+
+def _is_whole(name: str) -> bool:
+    """Whether a rate is a whole number."""
+    return isinstance(FIELDS[name].default, int)
 
 
 class Steering:
@@ -43,7 +52,9 @@ class Steering:
             name: node.create_client(Trigger, f"{ORCHESTRATOR}/{name}") for name in ACTIONS
         }
         self._get = node.create_client(GetParameters, f"{ORCHESTRATOR}/get_parameters")
-        self._set = node.create_client(SetParameters, f"{ORCHESTRATOR}/set_parameters")
+        self._set = node.create_client(
+            SetParametersAtomically, f"{ORCHESTRATOR}/set_parameters_atomically"
+        )
         self.rates: list[dict[str, Any]] = []
 
     def carry_out(self, action: str, values: dict[str, Any]) -> str:
@@ -54,7 +65,7 @@ class Steering:
             values: Numbers by the name of a rate.
 
         Raises:
-            RequestError: The action is unknown, the orchestrator does not answer, or it refuses.
+            RequestError: The action is unknown, a value is no number, the orchestrator does not answer, or it refuses.
         """
         if action in ACTIONS:
             answer = self._call(self._triggers[action], Trigger.Request())
@@ -63,39 +74,52 @@ class Steering:
             raise RequestError(
                 f"There is no action '{action}'; give {', '.join(ACTIONS)} or rates."
             )
-        said = self._set_rates(values) if values else ""
-        self._read_rates()
-        return said
+        rates = self._checked(values)
+        try:
+            if rates:
+                self._set_rates(rates)
+        finally:
+            self._read_rates()  # after a refusal, too: the page shows what is in force
+        listed = ", ".join(f"{name} = {value}" for name, value in rates.items())
+        return f"from the next generation on: {listed}" if rates else ""
 
-    def _set_rates(self, values: dict[str, Any]) -> str:
-        request = SetParameters.Request()
-        fields = {f.name: f for f in dataclasses.fields(Settings)}
-        for name, value in values.items():
-            if name not in self._names:
-                listed = ", ".join(self._names)
-                raise RequestError(f"'{name}' is no rate of this run; these are: {listed}.")
-            kind: Any = type(fields[name].default)
-            try:
-                number = kind(value)
-            except (TypeError, ValueError):
-                raise RequestError(f"{name} is '{value}'; give a number.") from None
-            request.parameters.append(Parameter(name, value=number).to_parameter_msg())
-        answer = self._call(self._set, request)
-        refused = [result.reason for result in answer.results if not result.successful]
-        if refused:
-            raise RequestError(" ".join(refused))
-        return "from the next generation on: " + ", ".join(f"{n} = {v}" for n, v in values.items())
+    def _checked(self, values: dict[str, Any]) -> dict[str, int | float]:
+        """Return rates in the type that they have.
+
+        Raises:
+            RequestError: There is no such rate, or a value is no number of its type.
+        """
+        unknown = next((name for name in values if name not in self._names), None)
+        if unknown is not None:
+            listed = ", ".join(self._names)
+            raise RequestError(f"'{unknown}' is no rate of this run; these are: {listed}.")
+        return {
+            name: whole_number(name, value) if _is_whole(name) else number(name, value)
+            for name, value in values.items()
+        }
+
+    def _set_rates(self, rates: dict[str, int | float]) -> None:
+        """Set all of them or none.
+
+        Raises:
+            RequestError: The orchestrator refuses, or does not answer.
+        """
+        parameters = [Parameter(name, value=v).to_parameter_msg() for name, v in rates.items()]
+        request = SetParametersAtomically.Request(parameters=parameters)
+        result = self._call(self._set, request).result
+        if not result.successful:
+            raise RequestError(result.reason)
 
     def _read_rates(self) -> None:
         answer = self._call(self._get, GetParameters.Request(names=self._names))
-        fields = {f.name: f for f in dataclasses.fields(Settings)}
         self.rates = [
             {
                 "name": name,
                 "value": parameter_value_to_python(value),
-                "description": fields[name].metadata["description"],
-                "low": fields[name].metadata["low"],
-                "high": fields[name].metadata["high"],
+                "whole": _is_whole(name),
+                "description": FIELDS[name].metadata["description"],
+                "low": FIELDS[name].metadata["low"],
+                "high": FIELDS[name].metadata["high"],
             }
             for name, value in zip(self._names, answer.values, strict=True)
         ]

@@ -96,6 +96,8 @@ def test_a_run_is_watched_and_steered_beside_its_own_file(
     assert "from 0 to 100" in page.page.inner_text("label:has(#rate-iso_sigma-1)")
     page.page.fill("#rate-iso_sigma-1", "-1")
     assert page.eval("document.getElementById('rate-iso_sigma-1').validity.rangeUnderflow")
+    page.page.fill("#rate-iso_sigma-1", "")
+    assert page.eval("document.getElementById('rate-iso_sigma-1').validity.valueMissing")
     told = page.eval(
         """() => fetch('api/control/1', {method: 'POST', headers: {'X-Explorer': '1'},
             body: '{"action": "rates", "values": {"iso_sigma": -1}}'}).then((answer) => answer.json())"""

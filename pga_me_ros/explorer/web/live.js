@@ -148,9 +148,9 @@ const Live = (() => {
 
   function drawRates(form, rates, index) {
     const limit = (value) => (value === null || value === undefined ? null : value);
-    const fields = rates.map(({ name, value, description, low, high }) => {
+    const fields = rates.map(({ name, value, whole, description, low, high }) => {
       const range = [["from", low], ["to", high]].filter(([, value]) => limit(value) !== null).flat().join(" ");
-      return Page.make("label", { title: description }, name, Page.make("span", { class: "hint" }, range), Page.make("input", { name, id: `rate-${name}-${index}`, type: "number", step: "any", value, min: limit(low), max: limit(high) }));
+      return Page.make("label", { title: description }, name, Page.make("span", { class: "hint" }, range), Page.make("input", { name, id: `rate-${name}-${index}`, type: "number", required: true, step: whole ? 1 : "any", value, min: limit(low), max: limit(high) }));
     });
     Page.replace(form, ...fields, rates.length ? Page.make("button", { type: "submit", id: `set-rates-${index}` }, "Set from the next generation on") : null);
   }
