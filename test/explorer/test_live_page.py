@@ -3,25 +3,20 @@
 from __future__ import annotations
 
 import io
-import os
 import shutil
 import signal
 import socket
-import subprocess
-import sys
 import threading
 import time
-import urllib.error
-import urllib.request
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import uvicorn
+from serving import Server, replace, started
 from starlette.applications import Starlette
 
 from pga_me_ros.core.storage.stored_run import StoredRun
@@ -31,35 +26,6 @@ from pga_me_ros.explorer.server import Server as ExplorerServer
 from pga_me_ros.explorer.source import StoredSource
 from pga_me_ros.player.watched_rollout import record
 from pga_me_ros.tasks.registry import make_task
-
-
-@dataclass
-class Server:
-    process: subprocess.Popen[str]
-    address: str
-    said: str
-
-    def get(self, path: str, data: bytes | None = None, **headers: str) -> tuple[int, bytes]:
-        """Return status and content of an answer."""
-        named = {name.replace("_", "-"): value for name, value in headers.items()}
-        request = urllib.request.Request(self.address + path, data, named)
-        try:
-            with urllib.request.urlopen(request, timeout=30) as answer:
-                return answer.status, answer.read()
-        except urllib.error.HTTPError as error:
-            return error.code, error.read()
-
-
-def started(*words: str) -> Server:
-    """Start the program, and wait until it says where its page is."""
-    command = [sys.executable, "-m", "pga_me_ros.explorer", *words, "--port", "0"]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    assert process.stdout is not None
-    assert process.stderr is not None
-    address = process.stdout.readline().strip()
-    assert address.startswith("http://"), process.communicate()
-    said = process.stderr.readline().strip()
-    return Server(process, address.replace("//0.0.0.0:", "//127.0.0.1:"), said)
 
 
 @contextmanager
@@ -261,10 +227,3 @@ def test_the_page_follows_its_files(
     assert page.eval("document.querySelectorAll('.cell.elite').length") == elites
     page.page.click("#download-npz")
     page.wait("document.getElementById('copied').innerText.includes('no repertoire')")
-
-
-def replace(source: Path, target: Path) -> None:
-    """Put a file in the place of another at once."""
-    copy = target.with_suffix(".new")
-    shutil.copy(source, copy)
-    os.replace(copy, target)

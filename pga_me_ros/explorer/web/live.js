@@ -1,8 +1,10 @@
 "use strict";
 // The server's side of the page: motions it simulates, news of the run, and what the run is told.
 const Live = (() => {
+  const RETRY = 3000; // milliseconds
   let versions = [];
   let fetching = false;
+  let retry = 0;
   let shown = [];
 
   // Returns the server's answer; its refusals become errors with its words.
@@ -54,29 +56,35 @@ const Live = (() => {
     }
   }
 
-  // Fetches what has changed, one run at a time; news that comes meanwhile waits for the next round.
-  async function catchUp(news) {
+  // Fetches what has changed, one run at a time, until it has what the newest news tell; what failed is tried again.
+  async function catchUp() {
     if (fetching) return;
     fetching = true;
+    clearTimeout(retry);
     try {
-      for (let i = 0; i < news.length; i += 1) {
-        if (news[i].version === versions[i]) continue;
+      for (;;) {
+        const i = shown.findIndex((n, k) => n.version !== versions[k]);
+        if (i < 0) break;
+        const { version } = shown[i]; // the content may be newer; news of that will come
         const content = await ask(`api/run/${i}`);
-        versions[i] = content.version;
+        Page.warn("server", "");
+        versions[i] = version;
         Explorer.update(i, content);
       }
     } catch (error) {
-      Page.warn(error.message);
+      Page.warn("server", error.message);
+      retry = setTimeout(catchUp, RETRY);
     } finally {
       fetching = false;
     }
   }
 
   function take(news) {
-    Page.warn(news.map((n) => n.problem).filter(Boolean).join("\n"));
-    catchUp(news);
-    news.forEach((n, i) => n.state && panels[i] && draw(panels[i], n.state, i));
     shown = news;
+    Page.warn("server", "");
+    Page.warn("runs", news.map((n) => n.problem).filter(Boolean).join("\n"));
+    catchUp();
+    news.forEach((n, i) => n.state && panels[i] && draw(panels[i], n.state, i));
   }
 
   const panels = [];
@@ -175,7 +183,7 @@ const Live = (() => {
     content.runs.forEach((run, i) => run.served && makePanel(i, content.control));
     const news = new EventSource("api/events");
     news.addEventListener("message", (event) => take(JSON.parse(event.data)));
-    news.addEventListener("error", () => Page.warn("The explorer's server does not answer; the page shows its last state and tries again."));
+    news.addEventListener("error", () => Page.warn("server", "The explorer's server does not answer; the page shows its last state and tries again."));
     window.addEventListener("pagehide", () => news.close());
   }
 

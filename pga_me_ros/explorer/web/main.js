@@ -30,7 +30,6 @@ const Explorer = (() => {
     const run = runs[changes.run] ? changes.run : 0;
     const cell = changes.cell;
     const found = runs[run].byCell.has(cell);
-    if (cell !== undefined && !found) Page.warn(`Cell ${cell}, which the link names, holds no gait in this run; the best gait is shown instead.`);
     const elite = found ? runs[run].byCell.get(cell) : Store.best(runs[run]);
     const color = Colors.MEASURES[changes.color] ? changes.color : Store.state.color;
     const { starts, simulates } = runs[run];
@@ -38,6 +37,13 @@ const Explorer = (() => {
     const start = starts.includes(changes.start) ? changes.start : starts[0];
     const layout = Layouts.choices(runs[run]).some(([name]) => name === changes.layout) ? changes.layout : "cells";
     return { run, cell: elite ? elite.cell : null, color, start, layout };
+  }
+
+  // Says which gait of a link there is not, until another one is chosen.
+  function tellMissing({ run, cell }) {
+    const { runs } = Store.state;
+    const there = cell === undefined || (runs[run] || runs[0]).byCell.has(cell);
+    Page.warn("link", there ? "" : `Cell ${cell}, which the link names, holds no gait in this run; the best gait is shown instead.`);
   }
 
   function makeSelects() {
@@ -73,13 +79,18 @@ const Explorer = (() => {
     for (const part of [Maps, Choice, Details, Curves, Player]) part.start();
     if (content.runs.length) open(content.runs);
     if (content.live) Live.start(content);
-    Address.follow((changes) => Store.set(sound(changes, Store.state.runs)));
+    Store.on("run cell", () => Page.warn("link", ""));
+    Address.follow((changes) => {
+      Store.set(sound(changes, Store.state.runs));
+      tellMissing(changes);
+    });
   }
 
   // Shows runs for the first time.
   function open(contents) {
     const runs = show(contents);
-    const first = sound(Address.read(), runs);
+    const asked = Address.read();
+    const first = sound(asked, runs);
     Store.set({ runs, layout: first.layout, run: first.run });
     makeSelects();
     Player.drawStarts();
@@ -87,6 +98,7 @@ const Explorer = (() => {
     Store.on("runs", summary);
     summary();
     Store.set(first);
+    tellMissing(asked);
     Player.load();
   }
 

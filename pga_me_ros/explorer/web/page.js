@@ -30,11 +30,15 @@ const Page = {
     if (choices.length) select.value = choices.some(([value]) => value === chosen) ? chosen : choices[0][0];
   },
 
-  // What is wrong, where everybody sees it; an empty text takes it away.
-  warn(text) {
+  warnings: {},
+
+  // What is wrong, where everybody sees it, one warning about each thing; an empty text takes it away.
+  warn(about, text) {
+    Page.warnings[about] = text;
     const place = Page.byId("message");
-    place.hidden = !text;
-    place.textContent = text;
+    const texts = Object.values(Page.warnings).filter(Boolean);
+    place.hidden = !texts.length;
+    place.textContent = texts.join("\n");
   },
 
   // What a button has to say, below it: `place` is what the button stands in.
