@@ -17,9 +17,12 @@ from pga_me_ros.player.reader import reader_of
 from pga_me_ros.tasks.protocol import Task
 from pga_me_ros.tasks.registry import make_task
 
+KEPT = 3
+"""Other worlds and damaged robots that stay open, those used last; each takes some 30 MB."""
+
 
 class Recorder:
-    """Simulated robots of one run, each started when it is first needed.
+    """Simulated robots of one run, each started when it is needed.
 
     Args:
         settings: Settings of the run.
@@ -33,7 +36,7 @@ class Recorder:
     def __init__(self, settings: Settings, gait: Callable[[int], Gait]) -> None:
         self._settings = settings
         self._gait = gait
-        self._tasks: dict[tuple[str, str], Task] = {}
+        self._tasks: dict[tuple[str, str], Task] = {}  # the one used last comes last
         self.missing = ""
         self.model: dict[str, Any] | None = None
         try:
@@ -59,8 +62,7 @@ class Recorder:
     def close(self) -> None:
         """Stop the simulators."""
         for task in self._tasks.values():
-            with suppress(Exception):  # a user's class may raise anything
-                task.close()
+            _close(task)
         self._tasks.clear()
 
     def _lost(self, damaged: Task) -> list[str]:
@@ -71,10 +73,21 @@ class Recorder:
         return sorted(sound - left)
 
     def _task(self, randomization: str = "", damage: str = "") -> Task:
+        """Return a simulator; the sound one stays open, of the others the last few."""
+        sound = self._settings.randomization, ""
         wanted = randomization or self._settings.randomization, damage
-        if wanted not in self._tasks:
-            self._tasks[wanted] = make_task(self._settings.task, *wanted)
-        return self._tasks[wanted]
+        task = self._tasks.pop(wanted, None)
+        if task is None:
+            task = make_task(self._settings.task, *wanted)
+        self._tasks[wanted] = task
+        for other in [key for key in self._tasks if key != sound][:-KEPT]:
+            _close(self._tasks.pop(other))
+        return task
+
+
+def _close(task: Task) -> None:
+    with suppress(Exception):  # a user's class may raise anything
+        task.close()
 
 
 def chosen_cells(run: StoredRun, count: int) -> list[int]:
