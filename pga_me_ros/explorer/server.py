@@ -46,6 +46,8 @@ PATIENCE = 30.0
 """Seconds after which a page that takes no news, as on a computer that sleeps, no longer counts as open."""
 
 COOKIE = "explorer_token"
+"""What the name of the cookie begins with; browsers send a host's cookies to all of its ports."""
+
 MARK = b"x-explorer"
 """A header that only scripts of the page itself can send; forms and links of other pages cannot."""
 
@@ -66,6 +68,12 @@ class Access:
     token: str
     control: bool
     hosts: tuple[str, ...]
+
+
+def cookie_name(request: Request) -> str:
+    """Return the name of the cookie that holds the token, with the port that the browser knows the server by."""
+    port = request.headers.get("host", "").rpartition(":")[2]
+    return f"{COOKIE}_{port}" if port.isdecimal() else COOKIE
 
 
 class Guard:
@@ -96,7 +104,7 @@ class Guard:
             return "Only the explorer's own page may send this."
         if self._access.token:
             given = parse_qs(scope["query_string"].decode("latin-1")).get("token", [""])[0]
-            given = given or request.cookies.get(COOKIE, "")
+            given = given or request.cookies.get(cookie_name(request), "")
             if not secrets.compare_digest(given.encode(), self._access.token.encode()):
                 return "This page needs the token that the explorer printed when it started: open that address."
         return ""
@@ -185,7 +193,8 @@ class Server:
         }
         response = HTMLResponse(build_page(content), headers={"Cache-Control": "no-store"})
         if self._access.token:
-            response.set_cookie(COOKIE, self._access.token, httponly=True, samesite="strict")
+            name = cookie_name(request)
+            response.set_cookie(name, self._access.token, httponly=True, samesite="strict")
         return response
 
     async def _run(self, request: Request) -> Response:

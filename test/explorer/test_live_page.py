@@ -165,6 +165,9 @@ def test_others_need_the_token_and_only_look(folder: Path, pages: Callable[..., 
     closed = Server(server.process, bare, "")
     assert [closed.get(path)[0] for path in ("", "api/run/0", "?token=x")] == [403] * 3
     assert closed.get(f"api/run/0?token={token}")[0] == 200
+    port = bare.rsplit(":", 1)[1].strip("/")
+    cookies = [f"explorer_token_{port}={token}; explorer_token_1=x", f"explorer_token_1={token}"]
+    assert [closed.get("api/run/0", Cookie=cookie)[0] for cookie in cookies] == [200, 403]
     path = f"api/control/0?token={token}"
     status, words = closed.get(path, b'{"action": "stop"}', X_Explorer="1")
     assert (status, b"This page is read-only" in words) == (400, True)
