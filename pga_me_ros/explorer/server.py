@@ -129,9 +129,10 @@ class Server:
         self._sources, self._access, self._title = sources, access, title
         self._is_ending = is_ending
         self._recorders = [Recorder(source.settings, source.gait) for source in sources]
-        # PyBullet, one episode at a time; looking at the sources must not wait for it.
+        # PyBullet, one episode at a time; looking at the sources must not wait for it, nor must who stops the run.
         self._simulating = ThreadPoolExecutor(1, "simulating")
         self._looking = ThreadPoolExecutor(1, "looking")
+        self._steering = ThreadPoolExecutor(1, "steering")
         self.watched = 0
         self._last_taken = 0.0
         self.app = Starlette(
@@ -153,8 +154,8 @@ class Server:
         looking = asyncio.create_task(self._look())
         yield
         looking.cancel()
-        self._looking.shutdown(cancel_futures=True)
-        self._simulating.shutdown(cancel_futures=True)
+        for executor in (self._looking, self._steering, self._simulating):
+            executor.shutdown(cancel_futures=True)
         for recorder in self._recorders:
             recorder.close()
 
@@ -204,18 +205,23 @@ class Server:
         run, cell = request.path_params["run"], request.path_params["cell"]
         start = EpisodeStart.of(request.query_params.get("start", "evaluation"))
         self._content(run)
-        return JSONResponse(await self._simulated(self._recorders[run].motion, cell, start))
+        motion = self._recorders[run].motion
+        return JSONResponse(await self._simulated(request, motion, cell, start))
 
-    async def _simulated(self, work: Callable[..., Any], *values: Any) -> Any:
-        """Return what a call gives that may take seconds.
+    async def _simulated(self, request: Request, work: Callable[..., Any], *values: Any) -> Any:
+        """Return what a call gives that may take seconds; it is not begun if who asked has gone before its turn.
 
         Raises:
-            RequestError: The server is stopped meanwhile; an answer is then still sent, not waited for in vain.
+            RequestError: The server is stopped meanwhile; an answer is then still sent, not waited for in vain. Or who
+                asked has gone, and nobody reads the answer.
         """
         work_done = asyncio.get_running_loop().run_in_executor(self._simulating, work, *values)
         while not work_done.done():
             if self._is_ending():
                 raise RequestError("The explorer is being stopped.")
+            if await request.is_disconnected():
+                work_done.cancel()
+                raise RequestError("Nobody waits for this any more.")
             await asyncio.wait([work_done], timeout=HEED_EVERY)
         return work_done.result()
 
@@ -225,7 +231,7 @@ class Server:
         if kind not in FORMATS:
             raise RequestError(f"There is no format '{kind}'; give one of {', '.join(FORMATS)}.")
         source = self._sources[run]
-        content = await self._simulated(source.download, cell, kind)
+        content = await self._simulated(request, source.download, cell, kind)
         name = f"{source.settings.task.replace(':', '-')}-cell{cell}{FORMATS[kind]}"
         headers = {"Content-Disposition": f'attachment; filename="{name}"'}
         return Response(content, media_type="application/octet-stream", headers=headers)
@@ -244,7 +250,7 @@ class Server:
             raise RequestError(f"The request is malformed ({error}).") from None
         loop = asyncio.get_running_loop()
         said = await loop.run_in_executor(
-            self._simulating, self._sources[run].control, action, values
+            self._steering, self._sources[run].control, action, values
         )
         return JSONResponse({"said": said})
 

@@ -18,7 +18,7 @@ FORMATS = {"onnx": ".onnx", "npz": ".npz", "torchscript": ".pt"}
 
 
 class Source(Protocol):
-    """A repertoire to show. One thread calls `refresh`, another `gait` and `download`.
+    """A repertoire to show. One thread calls `refresh`, another `gait` and `download`, a third `control`.
 
     Attributes:
         version: Grows whenever `content` changes.

@@ -1,15 +1,22 @@
-"""The explorer's server as a process, and files that change under it."""
+"""The explorer's server, as a process or in this one, and files that change under it."""
 
 from __future__ import annotations
 
 import os
 import shutil
+import socket
 import subprocess
 import sys
+import threading
 import urllib.error
 import urllib.request
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+
+import uvicorn
+from starlette.applications import Starlette
 
 
 @dataclass
@@ -39,6 +46,18 @@ def started(*words: str) -> Server:
     assert address.startswith("http://"), process.communicate()
     said = process.stderr.readline().strip()
     return Server(process, address.replace("//0.0.0.0:", "//127.0.0.1:"), said)
+
+
+@contextmanager
+def running(app: Starlette) -> Iterator[int]:
+    """Serve an application in this process; gives its port."""
+    listening = socket.create_server(("127.0.0.1", 0))
+    server = uvicorn.Server(uvicorn.Config(app, log_level="warning"))
+    thread = threading.Thread(target=server.run, kwargs={"sockets": [listening]})
+    thread.start()
+    yield listening.getsockname()[1]
+    server.should_exit = True
+    thread.join()
 
 
 def replace(source: Path, target: Path) -> None:

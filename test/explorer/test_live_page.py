@@ -9,15 +9,12 @@ import socket
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-import uvicorn
-from serving import Server, replace, started
-from starlette.applications import Starlette
+from serving import Server, replace, running, started
 
 from pga_me_ros.core.storage.stored_run import StoredRun
 from pga_me_ros.explorer.__main__ import main
@@ -26,18 +23,6 @@ from pga_me_ros.explorer.server import Server as ExplorerServer
 from pga_me_ros.explorer.source import StoredSource
 from pga_me_ros.player.watched_rollout import record
 from pga_me_ros.tasks.registry import make_task
-
-
-@contextmanager
-def running(app: Starlette) -> Iterator[int]:
-    """Serve an application in this process; gives its port."""
-    listening = socket.create_server(("127.0.0.1", 0))
-    server = uvicorn.Server(uvicorn.Config(app, log_level="warning"))
-    thread = threading.Thread(target=server.run, kwargs={"sockets": [listening]})
-    thread.start()
-    yield listening.getsockname()[1]
-    server.should_exit = True
-    thread.join()
 
 
 @pytest.fixture(scope="module")

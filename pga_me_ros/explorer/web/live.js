@@ -27,7 +27,7 @@ const Live = (() => {
   }
 
   const ask = async (path, options) => (await answered(path, options)).json();
-  const motion = (run, cell, start) => ask(`api/motion/${run.index}/${cell}?start=${encodeURIComponent(start)}`);
+  const motion = (run, cell, start, signal) => ask(`api/motion/${run.index}/${cell}?start=${encodeURIComponent(start)}`, { signal });
 
   // Fetches a file and hands it to the browser; what a link would download without a word may be refused, or take long.
   async function download(run, elite, kind) {

@@ -60,25 +60,42 @@ const Motion = (() => {
 // Where motions come from: the file itself, or the server that simulates them.
 const Motions = (() => {
   const kept = new Map();
+  const pending = new Map(); // what is being asked for, and how to give it up
+
+  const keyOf = (run, cell, start) => `${run.index} ${run.byCell.get(cell).evaluation} ${start}`;
 
   function find(run, cell, start) {
-    const key = `${run.index} ${run.byCell.get(cell).evaluation} ${start}`;
+    const key = keyOf(run, cell, start);
     if (!kept.has(key)) {
-      const found = load(run, cell, start);
+      const asked = new AbortController();
+      const found = load(run, cell, start, asked.signal);
       kept.set(key, found);
-      found.catch(() => kept.delete(key)); // what failed may be asked for again
+      pending.set(key, asked);
+      const ended = () => pending.get(key) === asked && pending.delete(key);
+      found.then(ended, () => ended() && kept.delete(key)); // what failed may be asked for again
       if (kept.size > 40) kept.delete(kept.keys().next().value);
     }
     return kept.get(key);
   }
 
-  async function load(run, cell, start) {
+  // Gives up what the server was asked for and nobody waits for any more, so that it simulates what is wanted now.
+  function giveUpAllBut(wanted) {
+    const keys = wanted.map(({ run, cell, start }) => keyOf(run, cell, start));
+    for (const [key, asked] of pending) {
+      if (keys.includes(key)) continue;
+      pending.delete(key);
+      kept.delete(key);
+      asked.abort();
+    }
+  }
+
+  async function load(run, cell, start, signal) {
     if (!run.model) throw new Error(`No 3-D view: ${run.model_missing}`);
     const own = run.motions && run.motions[cell];
     if (own && own[start]) return Motion.read(own[start]);
-    if (run.simulates) return Motion.read(await Live.motion(run, cell, start));
+    if (run.simulates) return Motion.read(await Live.motion(run, cell, start, signal));
     throw new Error(`The motion of cell ${cell} is not in this file; it has those of ${Object.keys(run.motions).length} gaits. Write it again with a larger --motions.`);
   }
 
-  return { find };
+  return { find, giveUpAllBut };
 })();

@@ -29,8 +29,10 @@ const Player = (() => {
     const wanted = [chosen, ...pinned.filter((lane) => !same(lane, chosen))].slice(0, MOST);
     const run = Store.run();
     if (run.simulates && run.model) Page.byId("readings").textContent = `Simulating cell ${elite.cell} …`;
+    const sought = wanted.map((lane) => ({ ...lane, run: Store.state.runs[lane.run] }));
+    Motions.giveUpAllBut(sought);
     try {
-      const motions = await Promise.all(wanted.map((lane) => Motions.find(Store.state.runs[lane.run], lane.cell, lane.start)));
+      const motions = await Promise.all(sought.map((lane) => Motions.find(lane.run, lane.cell, lane.start)));
       if (turn !== asked) return;
       lanes = wanted.map((lane, i) => ({ ...lane, motion: motions[i] }));
       const models = lanes.map((lane) => Store.state.runs[lane.run].model);
