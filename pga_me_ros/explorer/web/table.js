@@ -2,8 +2,10 @@
 // Choosing: limits, the nearest to a descriptor, and a table that sorts.
 const Choice = (() => {
   const FIRST = 60;
+  const MOST = 1000; // which one request can ask for
   const sorting = { key: "promise", up: false };
   let all = false;
+  let described = ""; // descriptor that the form is made for
 
   const COLUMNS = [
     { key: "cell", title: "cell", value: (e) => e.cell },
@@ -21,23 +23,34 @@ const Choice = (() => {
     return Page.make("label", {}, title, Page.make("input", { name, id: `filter-${name}`, inputmode: "decimal", autocomplete: "off", ...attributes }));
   }
 
+  // Makes the fields; what was typed stays as long as the descriptor is the same.
   function makeForm() {
-    const run = Store.run();
-    const names = run.spec.descriptor_names.join(", ");
-    const operators = [...new Set(run.elites.map((e) => e.made_by))].sort();
-    const select = Page.make("select", { name: "operator", id: "filter-operator" });
-    Page.options(select, [["", "any"], ...operators.map((o) => [o, run.operators[o] || o])], "");
-    const form = Page.byId("filter");
+    const { spec } = Store.run();
+    const names = spec.descriptor_names.join(", ");
+    if (names === described) return;
+    described = names;
     Page.replace(
-      form,
-      field("descriptor", `Nearest to (${names})`, { class: "wide", placeholder: run.spec.descriptor_low.map((low, k) => ((low + run.spec.descriptor_high[k]) / 2).toFixed(1)).join(" ") }),
+      Page.byId("filter"),
+      field("descriptor", `Nearest to (${names})`, { class: "wide", placeholder: spec.descriptor_low.map((low, k) => ((low + spec.descriptor_high[k]) / 2).toFixed(1)).join(" ") }),
       field("count", "How many nearest", { placeholder: "5" }),
       field("fitness", "Minimum fitness"),
       field("falls", "Maximum falls, %"),
-      Page.make("label", {}, "Operator", select),
+      Page.make("label", {}, "Operator", Page.make("select", { name: "operator", id: "filter-operator" })),
       Page.make("button", { type: "reset", id: "filter-reset" }, "Show all"),
       Page.make("button", { type: "button", id: "filter-copy", onclick: copyRequest }, "Copy as ros2 service call"),
     );
+  }
+
+  // Offers the operators that made gaits of this run, and the chosen one, though all of its gaits may be gone.
+  function offerOperators() {
+    const run = Store.run();
+    const select = Page.byId("filter-operator");
+    const chosen = select.value;
+    const operators = [...new Set([...run.elites.map((e) => e.made_by), chosen])].filter(Boolean).sort();
+    const choices = [["", "any"], ...operators.map((o) => [o, run.operators[o] || o])];
+    if ([...select.options].map((o) => o.value).join() === choices.map(([o]) => o).join()) return; // it may be open
+    Page.options(select, choices, ""); // which "Show all" returns to
+    select.value = chosen;
   }
 
   // Copies the request that makes the same choice, or says why there is none.
@@ -67,8 +80,9 @@ const Choice = (() => {
     const descriptor = words.map((word) => number(word, "the descriptor", problems));
     if (words.length && words.length !== d) problems.push(`the descriptor has ${words.length} entries; give ${d}`);
     const count = number(text("count"), "the count", problems);
-    if (count !== null && !(Number.isInteger(count) && count >= 1)) problems.push("the count must be a whole number from 1 on");
+    if (count !== null && !(Number.isInteger(count) && count >= 1 && count <= MOST)) problems.push(`the count must be a whole number from 1 to ${MOST}`);
     const falls = number(text("falls"), "the share of falls", problems);
+    if (falls !== null && !(falls >= 0 && falls <= 100)) problems.push("the share of falls must be from 0 to 100 %");
     return {
       problems,
       descriptor: words.length && !problems.length ? descriptor : null,
@@ -169,12 +183,9 @@ const Choice = (() => {
     form.addEventListener("input", draw);
     form.addEventListener("reset", () => setTimeout(draw)); // the fields are emptied after the event
     form.addEventListener("submit", (event) => event.preventDefault());
-    Store.on("run", () => {
+    Store.on("runs run", () => {
       makeForm();
-      draw();
-    });
-    Store.on("runs", () => {
-      if (!form.elements.length) makeForm();
+      offerOperators();
       draw();
     });
     Store.on("cell", markRow);
