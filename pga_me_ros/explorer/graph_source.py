@@ -22,7 +22,7 @@ from pga_me_ros.explorer.description import describe_cells, describe_elites, des
 from pga_me_ros.explorer.history import History
 from pga_me_ros.explorer.run_watch import RunWatch
 from pga_me_ros.explorer.served_archive import served_archive, spec_of
-from pga_me_ros.explorer.source import FORMATS
+from pga_me_ros.explorer.source import FORMATS, require_shown
 from pga_me_ros.explorer.steering import ACTIONS, Steering
 from pga_me_ros.player.gait import Gait
 from pga_me_ros.query.saving import require_savable, save
@@ -129,12 +129,14 @@ class GraphSource:
         """See `Source`."""
         return self._client.get_behavior(cell=cell)
 
-    def download(self, cell: int, kind: str) -> bytes:
+    def download(self, cell: int, evaluation: int, kind: str) -> bytes:
         """See `Source`."""
+        behavior = self._client.get_behavior(cell=cell)
+        require_shown(behavior, evaluation)
         with TemporaryDirectory() as folder:
             out = Path(folder) / f"gait{FORMATS[kind]}"
             require_savable(out)
-            save(self._client.get_behavior(cell=cell), self._client.get_info(), out)
+            save(behavior, self._client.get_info(), out)
             return out.read_bytes()
 
     def control(self, action: str, values: dict[str, Any]) -> str:

@@ -12,6 +12,7 @@ from pga_me_ros.core.storage.stored_run import StoredRun
 from pga_me_ros.errors import PgaError
 from pga_me_ros.explorer.motion import EpisodeStart, describe_motion, recorded
 from pga_me_ros.explorer.robot_model import describe_model
+from pga_me_ros.explorer.source import require_shown
 from pga_me_ros.player.gait import Gait
 from pga_me_ros.player.reader import reader_of
 from pga_me_ros.tasks.protocol import Task
@@ -46,13 +47,23 @@ class Recorder:
         except ImportError as error:
             self.missing = f"the simulator of task '{settings.task}' is missing ({error})"
 
-    def motion(self, cell: int, start: EpisodeStart) -> dict[str, Any]:
+    def motion(
+        self, cell: int, start: EpisodeStart, evaluation: int | None = None
+    ) -> dict[str, Any]:
         """Return an episode of the gait of a cell, see `describe_motion`.
 
+        Args:
+            cell: The cell.
+            start: Where the episode begins.
+            evaluation: Id of the evaluation of the gait that is meant; None for the one that is there.
+
         Raises:
-            PgaError: There is no such gait, its robot cannot be shown, or the task cannot be randomized or damaged so.
+            PgaError: There is no such gait, it is another one, its robot cannot be shown, or the task cannot be
+                randomized or damaged so.
         """
         gait = self._gait(cell)
+        if evaluation is not None:
+            require_shown(gait, evaluation)
         task = self._task(start.randomization, start.damage)
         motion = describe_motion(
             recorded(task, self._settings, gait, start), task.spec, gait, start

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import re
 import secrets
 import traceback
 from collections.abc import AsyncIterator, Callable, Sequence
@@ -205,8 +206,8 @@ class Server:
         run, cell = request.path_params["run"], request.path_params["cell"]
         start = EpisodeStart.of(request.query_params.get("start", "evaluation"))
         self._content(run)
-        motion = self._recorders[run].motion
-        return JSONResponse(await self._simulated(request, motion, cell, start))
+        motion, evaluation = self._recorders[run].motion, _evaluation(request)
+        return JSONResponse(await self._simulated(request, motion, cell, start, evaluation))
 
     async def _simulated(self, request: Request, work: Callable[..., Any], *values: Any) -> Any:
         """Return what a call gives that may take seconds; it is not begun if who asked has gone before its turn.
@@ -231,7 +232,7 @@ class Server:
         if kind not in FORMATS:
             raise RequestError(f"There is no format '{kind}'; give one of {', '.join(FORMATS)}.")
         source = self._sources[run]
-        content = await self._simulated(request, source.download, cell, kind)
+        content = await self._simulated(request, source.download, cell, _evaluation(request), kind)
         name = f"{source.settings.task.replace(':', '-')}-cell{cell}{FORMATS[kind]}"
         headers = {"Content-Disposition": f'attachment; filename="{name}"'}
         return Response(content, media_type="application/octet-stream", headers=headers)
@@ -288,6 +289,18 @@ class Server:
             if self._is_ending():
                 return
             await asyncio.sleep(HEED_EVERY)
+
+
+def _evaluation(request: Request) -> int:
+    """Return the evaluation of the gait that a page means; its cell may have another one by now.
+
+    Raises:
+        RequestError: There is none.
+    """
+    text = request.query_params.get("evaluation", "")
+    if not re.fullmatch("[0-9]{1,19}", text):
+        raise RequestError(f"evaluation is '{text}'; give the id of the gait's evaluation.")
+    return int(text)
 
 
 def _refresh(source: Source) -> None:

@@ -6,6 +6,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Protocol
 
+from pga_me_ros.core.archive.choosing import NotFoundError
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.core.storage.reevaluations import FILE
 from pga_me_ros.core.storage.stored_run import StoredRun
@@ -15,6 +16,25 @@ from pga_me_ros.player.gait import Gait
 
 FORMATS = {"onnx": ".onnx", "npz": ".npz", "torchscript": ".pt"}
 """Formats in which a gait can be downloaded, and the suffix of the file."""
+
+
+def replaced(cell: int) -> RequestError:
+    """Return the error that a cell has another gait than the page shows."""
+    return RequestError(f"The gait of cell {cell} was replaced since; the map is being updated.")
+
+
+def require_shown(gait: Gait, evaluation: int) -> None:
+    """Make sure that a gait is still the one that the page shows.
+
+    Args:
+        gait: The gait of a cell now.
+        evaluation: Id of the evaluation of the one that is shown.
+
+    Raises:
+        RequestError: It has another evaluation.
+    """
+    if gait.evaluation != evaluation:
+        raise replaced(gait.cell)
 
 
 class Source(Protocol):
@@ -48,11 +68,12 @@ class Source(Protocol):
         """
         ...
 
-    def download(self, cell: int, kind: str) -> bytes:
-        """Return a gait as a file in one of `FORMATS`.
+    def download(self, cell: int, evaluation: int, kind: str) -> bytes:
+        """Return the gait of a cell as a file in one of `FORMATS`.
 
         Raises:
-            PgaError: There is no such gait, or the format needs a package that is missing.
+            PgaError: There is no such gait, its evaluation is another one, or the format needs a package that is
+                missing.
         """
         ...
 
@@ -115,13 +136,16 @@ class StoredSource:
         """See `Source`."""
         return self.run.behavior(cell)
 
-    def download(self, cell: int, kind: str) -> bytes:
+    def download(self, cell: int, evaluation: int, kind: str) -> bytes:
         """See `Source`."""
-        from pga_me_ros.export.__main__ import export_cell
+        from pga_me_ros.export.__main__ import export_evaluation
 
         with TemporaryDirectory() as folder:
             out = Path(folder) / f"gait{FORMATS[kind]}"
-            export_cell(self._path, kind, cell, out)
+            try:
+                export_evaluation(self._path, kind, evaluation, out)
+            except NotFoundError:  # the file may be newer than what is shown
+                raise replaced(cell) from None
             return out.read_bytes()
 
     def control(self, action: str, values: dict[str, Any]) -> str:

@@ -79,13 +79,13 @@ def export(options: argparse.Namespace) -> Path:
     return out
 
 
-def export_cell(run: Path, kind: str, cell: int, out: Path) -> Path:
-    """Write the controller of one cell, as ``export RUN --to KIND --cell N --out PATH`` does, and return the file.
+def export_evaluation(run: Path, kind: str, evaluation: int, out: Path) -> Path:
+    """Write a controller, as ``export RUN --to KIND --evaluation K --out PATH`` does, and return the file.
 
     Raises:
         PgaError: As in `export`.
     """
-    words = [str(run), "--to", kind, "--cell", str(cell), "--out", str(out)]
+    words = [str(run), "--to", kind, "--evaluation", str(evaluation), "--out", str(out)]
     return export(_parser().parse_args(words))
 
 

@@ -14,7 +14,6 @@ import pytest
 from browsing import ZOO
 from pga_me_msgs.srv import GetInfo, ListGenerations
 
-from pga_me_ros import dependencies
 from pga_me_ros.client import ListedBehavior, ListedGeneration, RepertoireInfo
 from pga_me_ros.core.archive.archive import Archive
 from pga_me_ros.core.archive.elites import Elite
@@ -26,10 +25,9 @@ from pga_me_ros.core.operators import Operator
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.core.storage.repertoire import Repertoire
 from pga_me_ros.core.storage.stored_run import StoredRun
-from pga_me_ros.dependencies import WEB
 from pga_me_ros.errors import RequestError
 from pga_me_ros.explorer import page
-from pga_me_ros.explorer.__main__ import MOTIONS, main
+from pga_me_ros.explorer.__main__ import MOTIONS
 from pga_me_ros.explorer.description import describe
 from pga_me_ros.explorer.history import History
 from pga_me_ros.explorer.motion import LEVELS, EpisodeStart, describe_motion, pack, recorded
@@ -300,45 +298,3 @@ def test_the_page_refers_to_nothing_elsewhere() -> None:
 def test_scripts_are_short_enough_to_read() -> None:
     files = Path(page.__file__).with_name("web").iterdir()
     assert {f.name: n for f in files if (n := len(f.read_text().splitlines())) > 330} == {}
-
-
-@pytest.mark.parametrize(
-    ("args", "message"),
-    [
-        (["--html", "page.txt"], "ends in .html"),
-        (["--html", "nowhere/page.html"], "make it first"),
-        (["--html", "page.html", "--randomization", "wind 1 2"], "KIND is one of"),
-        (["--html", "page.html", "--port", "0"], "--port has a meaning not with --html"),
-        (["--html", "/proc/page.html"], "'/proc/page.html' cannot be written"),
-        (["--html", "page.html", "--ros-args", "-r", "__ns:=/a"], "-r __ns:=/a' is for a graph"),
-        (["--html", "page.html", "--graph", "/"], "--html writes stored runs only"),
-        (["--motions", "3"], "--motions has a meaning only with --html"),
-        (["--damage", "ice"], "--damage has a meaning only with --html"),
-        (["--graph", "left"], "'left' does not begin with a slash; expected --graph /left"),
-        (["--graph", "/a", "--graph", "/b"], "3 are named, but a page shows one or two"),
-        ([ZOO], "is the same run as"),
-        ([ZOO, "--html", "page.html"], "is the same run as"),
-        (["--ros-args", "-r", "__ns:=/left"], "only stored runs are named"),
-    ],
-)
-def test_bad_arguments_are_told_in_one_line(
-    args: list[str],
-    message: str,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    assert main([ZOO, *args]) == 2
-    error = capsys.readouterr().err
-    assert message in error
-    assert error.count("\n") == 1
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_a_missing_package_is_told_with_the_command_that_installs_it(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setattr(dependencies, "find_spec", lambda name: None)
-    assert main([ZOO, "--html", str(tmp_path / "page.html")]) == 2
-    assert f"pip install {WEB}" in capsys.readouterr().err

@@ -110,13 +110,38 @@ def test_a_gait_can_be_downloaded(page: Any, folder: Path, server: Server) -> No
     with page.page.expect_download() as download:
         page.page.click("#download-npz")
     assert download.value.suggested_filename == f"qd_hopper-cell{cell}.npz"
-    _, content = server.get(f"api/download/0/{cell}/npz")
+    which = f"?evaluation={run.behavior(cell).evaluation}"
+    _, content = server.get(f"api/download/0/{cell}/npz{which}")
     arrays = np.load(io.BytesIO(content))
     assert np.array_equal(arrays["parameters"][0], run.behavior(cell).parameters)
     for kind in ("onnx", "torchscript"):
-        status, content = server.get(f"api/download/0/{cell}/{kind}")
+        status, content = server.get(f"api/download/0/{cell}/{kind}{which}")
         assert (status, len(content) > 4 * run.behavior(cell).parameters.size) == (200, True)
-    assert server.get(f"api/download/0/{cell}/exe")[0] == 400
+    assert server.get(f"api/download/0/{cell}/exe{which}")[0] == 400
+    assert server.get(f"api/download/0/{cell}/npz")[0] == 400
+
+
+def test_a_gait_that_was_replaced_since_is_not_taken_for_the_one_that_is_shown(
+    page: Any, folder: Path, server: Server
+) -> None:
+    gait = StoredRun.load(folder).choose(best=True)
+    other = 10**6  # no evaluation of this run
+    for path in (f"motion/0/{gait.cell}?evaluation", f"download/0/{gait.cell}/npz?evaluation"):
+        status, words = server.get(f"api/{path}={other}")
+        assert (status, b"was replaced since; the map is being" in words) == (400, True)
+        assert server.get(f"api/{path}={gait.evaluation}")[0] == 200
+    page.choose(gait.cell)
+    page.page.select_option("#start", "unseen:1")
+    page.wait("Explorer.view().starts[0] === 'unseen:1'")
+    page.eval(f"Store.chosen().evaluation = {other}")
+    page.page.select_option("#start", "evaluation")
+    page.wait("document.getElementById('no-stage').innerText.includes('was replaced since')")
+    page.page.click("#download-npz")
+    page.wait("document.getElementById('copied').innerText.includes('was replaced since')")
+    page.problems.clear()  # the browser notes the status 400
+    page.eval(f"Store.chosen().evaluation = {gait.evaluation}")
+    page.page.select_option("#start", "unseen:1")
+    page.wait("document.getElementById('no-stage').hidden")
 
 
 def test_only_the_page_itself_may_ask(server: Server) -> None:

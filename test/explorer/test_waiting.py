@@ -59,7 +59,7 @@ def port(source: Busy) -> Iterator[int]:
 def motion(source: Busy, place: int) -> tuple[int, str]:
     """Return a cell, and the request for its motion."""
     gait = source.run.behavior(int(source.run.archive.filled_cells()[place]))
-    return gait.cell, f"/api/motion/0/{gait.cell}"
+    return gait.cell, f"/api/motion/0/{gait.cell}?evaluation={gait.evaluation}"
 
 
 def asked(port: int, path: str) -> socket.socket:

@@ -27,14 +27,16 @@ const Live = (() => {
   }
 
   const ask = async (path, options) => (await answered(path, options)).json();
-  const motion = (run, cell, start, signal) => ask(`api/motion/${run.index}/${cell}?start=${encodeURIComponent(start)}`, { signal });
+  // The evaluation says which gait is meant: by now, the server may have another one in the cell.
+  const motion = (run, { cell, evaluation }, start, signal) =>
+    ask(`api/motion/${run.index}/${cell}?evaluation=${evaluation}&start=${encodeURIComponent(start)}`, { signal });
 
   // Fetches a file and hands it to the browser; what a link would download without a word may be refused, or take long.
   async function download(run, elite, kind) {
     const say = (text) => Page.say(text, "actions");
     say(`Making the ${kind} file …`);
     try {
-      const answer = await answered(`api/download/${run.index}/${elite.cell}/${kind}`);
+      const answer = await answered(`api/download/${run.index}/${elite.cell}/${kind}?evaluation=${elite.evaluation}`);
       const [, name] = /filename="(.+)"/.exec(answer.headers.get("Content-Disposition"));
       const href = URL.createObjectURL(await answer.blob());
       Page.make("a", { href, download: name }).click();

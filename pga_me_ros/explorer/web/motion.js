@@ -93,7 +93,7 @@ const Motions = (() => {
     if (!run.model) throw new Error(`No 3-D view: ${run.model_missing}`);
     const own = run.motions && run.motions[cell];
     if (own && own[start]) return Motion.read(own[start]);
-    if (run.simulates) return Motion.read(await Live.motion(run, cell, start, signal));
+    if (run.simulates) return Motion.read(await Live.motion(run, run.byCell.get(cell), start, signal));
     throw new Error(`The motion of cell ${cell} is not in this file; it has those of ${Object.keys(run.motions).length} gaits. Write it again with a larger --motions.`);
   }
 
