@@ -130,18 +130,20 @@ def test_a_gait_that_was_replaced_since_is_not_taken_for_the_one_that_is_shown(
         status, words = server.get(f"api/{path}={other}")
         assert (status, b"was replaced since; the map is being" in words) == (400, True)
         assert server.get(f"api/{path}={gait.evaluation}")[0] == 200
+    # On the page, a gait beside the chosen one: it comes with the next update.
     page.choose(gait.cell)
-    page.page.select_option("#start", "unseen:1")
-    page.wait("Explorer.view().starts[0] === 'unseen:1'")
+    page.plays(gait.cell)
+    page.page.click("#pin")
     page.eval(f"Store.chosen().evaluation = {other}")
-    page.page.select_option("#start", "evaluation")
-    page.wait("document.getElementById('no-stage').innerText.includes('was replaced since')")
     page.page.click("#download-npz")
     page.wait("document.getElementById('copied').innerText.includes('was replaced since')")
+    page.choose(next(c for c in StoredRun.load(folder).archive.filled_cells() if c != gait.cell))
+    page.wait("document.getElementById('no-stage').innerText.includes('was replaced since')")
     page.problems.clear()  # the browser notes the status 400
-    page.eval(f"Store.chosen().evaluation = {gait.evaluation}")
-    page.page.select_option("#start", "unseen:1")
-    page.wait("document.getElementById('no-stage').hidden")
+    page.eval("() => fetch('api/run/0').then((a) => a.json()).then((c) => Explorer.update(0, c))")
+    page.wait("Explorer.view().cells.length === 2")
+    page.page.click("#lanes button:has-text('✕')")
+    page.wait("Explorer.view().cells.length === 1")
 
 
 def test_only_the_page_itself_may_ask(server: Server) -> None:

@@ -153,7 +153,9 @@ def test_a_run_is_watched_and_steered_beside_its_own_file(
     # The run goes on, and stops. A graph that is gone is no dead spinner.
     page.page.click("#do-resume-1")
     page.wait(f"{generations}.length > {paused_at}", 90)
-    assert page.problems == guest.problems == []
+    # A gait may have been replaced while it was asked for.
+    told = "Failed to load resource: the server responded with a status of 400 (Bad Request)"
+    assert set(page.problems + guest.problems) <= {told}
     page.page.click("#do-stop-1")
     assert run.wait() == 0
     for shown in (page, guest):

@@ -102,7 +102,8 @@ const Explorer = (() => {
     Player.load();
   }
 
-  // Takes what has changed of a run; the gait that is watched goes on unless another has taken its cell.
+  // Takes what has changed of a run; the gait that is watched goes on unless another has taken its cell. What failed, as
+  // of a gait that was replaced meanwhile, is tried again.
   function update(index, content) {
     const before = Store.chosen();
     const runs = Store.state.runs.map((run, i) => (i === index ? Store.read({ ...run, ...content }, i) : run));
@@ -110,7 +111,7 @@ const Explorer = (() => {
     Store.set({ runs });
     const after = Store.chosen();
     if (!after) Store.set({ cell: Store.best(Store.run()).cell });
-    else if (!before || after.evaluation !== before.evaluation) Player.load();
+    else if (!before || after.evaluation !== before.evaluation || Player.failed()) Player.load();
   }
 
   return { start, open, show, update, view: Player.view, seek: Player.seek, play: Player.play, state: Store.state };

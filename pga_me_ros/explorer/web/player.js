@@ -10,6 +10,7 @@ const Player = (() => {
   let last = null;
   let ready = false;
   let asked = 0;
+  let failed = false; // whether the stage is empty because a motion did not come
 
   const end = () => Math.max(0, ...lanes.map((lane) => lane.motion.end));
   const same = (a, b) => a.run === b.run && a.cell === b.cell && a.start === b.start;
@@ -34,12 +35,14 @@ const Player = (() => {
     try {
       const motions = await Promise.all(sought.map((lane) => Motions.find(lane.run, lane.cell, lane.start)));
       if (turn !== asked) return;
+      failed = false;
       lanes = wanted.map((lane, i) => ({ ...lane, motion: motions[i] }));
       const models = lanes.map((lane) => Store.state.runs[lane.run].model);
       Stage.show(lanes.map(({ motion }, i) => ({ model: models[i], lost: motion.lost })));
       say([...new Set(models.map((model) => model.note))].join(" ").trim());
     } catch (error) {
       if (turn !== asked) return;
+      failed = true;
       lanes = [];
       Stage.show([]);
       say(error.message);
@@ -199,7 +202,7 @@ const Player = (() => {
   }
 
   const view = () => ({ time, end: end(), playing, cells: lanes.map((lane) => lane.cell), starts: lanes.map((lane) => lane.start), joints: lanes.length ? Stage.joints() : [] });
-  return { start, load, seek, play, view, drawStarts };
+  return { start, load, failed: () => failed, seek, play, view, drawStarts };
 })();
 
 // What the descriptor is made of, over time: one row per entry, such as the contact of a foot.
