@@ -23,6 +23,9 @@ sys.dont_write_bytecode = False
 LONG = ("test/packaging/test_workspace.py", "test/graph/", "test/old_runs/")
 """Tests of builds and processes take the longest; if they started last, one worker would be left alone with them."""
 
+TOGETHER = ("test/explorer/",)
+"""Folders whose tests share what takes long to make, such as a browser: one worker takes each."""
+
 SMALL = {
     "task": "qd_hopper",
     "seed": 5,
@@ -40,6 +43,19 @@ SMALL = {
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Put the longest tests first."""
     items.sort(key=lambda item: [not item.nodeid.startswith(start) for start in LONG])
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """Give the folders of `TOGETHER` to one worker each; the others go file by file, as ``--dist loadscope`` has it."""
+    from xdist.scheduler import LoadScopeScheduling
+
+    class Together(LoadScopeScheduling):
+        def _split_scope(self, nodeid: str) -> str:
+            folder = next((start for start in TOGETHER if nodeid.startswith(start)), None)
+            return folder or str(super()._split_scope(nodeid))
+
+    return Together(config, log) if config.getvalue("dist") == "loadscope" else None
 
 
 def store_run(folder: Path, **settings: object) -> Path:

@@ -89,6 +89,10 @@ def test_a_run_is_watched_and_steered_beside_its_own_file(
     page.wait("document.getElementById('progress-1').innerText.includes('running')")
     page.wait("document.getElementById('control').innerText.includes('/evaluator_0')")
 
+    # Pause pauses.
+    page.page.click("#do-pause-1")
+    page.wait("document.getElementById('progress-1').innerText.includes('paused')")
+
     # Rates: those that the algorithm has, within their ranges.
     page.page.click("#show-rates-1")
     page.wait("document.getElementById('rate-iso_sigma-1') !== null")
@@ -112,14 +116,12 @@ def test_a_run_is_watched_and_steered_beside_its_own_file(
 
     # Who comes from elsewhere needs a token and cannot control the run.
     _, guest = explore("--graph", "/", "--host", "0.0.0.0")
-    guest.wait("document.getElementById('progress-0').innerText.includes('running')")
+    guest.wait("document.getElementById('progress-0').innerText.includes('paused')")
     for name in ("do-pause", "do-resume", "do-stop", "show-rates"):
         assert guest.page.is_disabled(f"#{name}-0")
     assert "read-only" in guest.page.inner_text("#said-0")
 
-    # Pause pauses; what the graph tells then is what its file holds.
-    page.page.click("#do-pause-1")
-    page.wait("document.getElementById('progress-1').innerText.includes('paused')")
+    # What the graph tells then is what its file holds.
     stored = StoredRun.load(tmp_path / "run")
     paused_at = len(stored.generations)
     page.wait(f"Explorer.state.runs[0].curves.generation.length === {paused_at}")
