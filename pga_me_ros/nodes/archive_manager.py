@@ -166,10 +166,9 @@ class ArchiveManager(GraphNode):
     def _read_state(self) -> list[Generation]:
         """Take the archive, and what its cells hold below their elites, from the file; return its generations."""
         generations, self._archive = self._file.load_state()
-        s = self._settings
         self._depth: CellDepth | None = None
-        if self._grow and s.extracted:
-            self._depth = self._file.load_depth(self._archive, s.cell_depth)
+        if self._grow and self._settings.extracted:
+            self._depth = self._file.load_depth(self._archive, self._settings.cell_depth)
         return generations
 
     def _drawn(self, generation: int) -> Int64Array:
@@ -317,8 +316,7 @@ class ArchiveManager(GraphNode):
 
 PROGRAM = Program(
     "archive_manager",
-    "Serves a repertoire file: /repertoire/get_behavior, get_behaviors, list_behaviors, list_generations, get_info and "
-    "get_actor.",
+    "Serves a repertoire file: /repertoire/get_behavior(s), list_behaviors, list_generations, get_info and get_actor.",
     (ArchiveManagerSettings,),
 )
 

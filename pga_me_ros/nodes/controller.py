@@ -52,8 +52,6 @@ class JointController(GraphNode):
 
     def __init__(self) -> None:
         super().__init__("controller")
-        leave_to_elders(self, lambda msg: msg.kind == "controller", STOP_OR_MOVE)
-        self._silent_until = time.monotonic() + ALONE
         self._awake = math.inf
         self._loop: ControlLoop | None = None
         values = declare(self, ChoiceSettings, HardwareSettings, shared=(Settings, RunOptions))
@@ -77,6 +75,8 @@ class JointController(GraphNode):
         self._pause, beat = (pause, self._check) if trigger else (loop.period, self._step)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(self._pause, self.unless_ended(beat), clock=steady)
+        leave_to_elders(self, lambda msg: msg.kind == "controller", STOP_OR_MOVE)
+        self._silent_until = time.monotonic() + ALONE
         self.start_heartbeat(task=behavior.controller.task)
         numbers = ", ".join(f"{x:.3f}" for x in behavior.promised_descriptor)
         self.get_logger().info(

@@ -27,11 +27,11 @@ from pga_me_ros.core.storage.extremes import (
     OLDER_GENERATIONS,
     has_extremes,
     read_bests,
-    require_whole,
     store_extremes,
 )
 from pga_me_ros.core.storage.file_lock import FileLock
 from pga_me_ros.core.storage.generation_files import generations_of
+from pga_me_ros.core.storage.reading import read_archive, read_generations
 from pga_me_ros.core.storage.rows import (
     DamagedRow,
     Generation,
@@ -39,7 +39,6 @@ from pga_me_ros.core.storage.rows import (
     elite_to_row,
     metrics_to_row,
     row_to_archive,
-    row_to_elite,
     row_to_generation,
     xor_digests,
 )
@@ -209,7 +208,7 @@ class Repertoire:
             StorageError: A row is damaged, missing or foreign.
         """
         with explained(self.path), transaction(self._connection, "DEFERRED"):
-            return self._read_archive()
+            return read_archive(self._connection, self._run_row(), self._last())
 
     def load_state(self) -> tuple[list[Generation], Archive]:
         """Return what `generations` and `load_archive` do, both of one state of a file that may be growing.
@@ -218,21 +217,8 @@ class Repertoire:
             StorageError: A row is damaged, missing or foreign.
         """
         with explained(self.path), transaction(self._connection, "DEFERRED"):
-            return self._read_generations(0, None), self._read_archive()
-
-    def _read_archive(self) -> Archive:
-        _, archive = row_to_archive(self._run_row())
-        digests = []
-        for row in self._connection.execute("SELECT * FROM elites ORDER BY cell"):
-            archive.put(row_to_elite(row, archive))
-            digests.append(row[-1])
-        last = self._last()
-        expected = (0, xor_digests([]))
-        if last is not None:
-            expected = (last.metrics.coverage, last.elites_digest)
-        if (len(archive), xor_digests(digests)) != expected:
-            raise DamagedRow("its elites are not those of its last generation")
-        return archive
+            generations = read_generations(self._connection, self._generations, 0, None)
+            return generations, read_archive(self._connection, self._run_row(), self._last())
 
     def load_depth(self, archive: Archive, depth: int) -> CellDepth:
         """Return what the cells of `load_archive` hold below their elites, at most so many solutions each.
@@ -254,14 +240,7 @@ class Repertoire:
             StorageError: A row is damaged or missing.
         """
         with explained(self.path):
-            return self._read_generations(first, limit)
-
-    def _read_generations(self, first: int, limit: int | None) -> list[Generation]:
-        query = f"{self._generations} WHERE generation >= ? ORDER BY generation LIMIT ?"
-        found = self._connection.execute(query, (first, -1 if limit is None else limit))
-        rows = [row_to_generation(row) for row in found]
-        require_whole([row.metrics for row in rows], first)
-        return rows
+            return read_generations(self._connection, self._generations, first, limit)
 
     def bests(self) -> list[Elite]:
         """Return every elite that was the best one after some generation, in the order they were found.

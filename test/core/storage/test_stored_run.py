@@ -6,6 +6,7 @@ import dataclasses
 import shutil
 import sqlite3
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,7 +16,9 @@ from pga_me_ros.core.archive.elites import Solutions
 from pga_me_ros.core.archive.metrics import generation_metrics
 from pga_me_ros.core.evaluation import as_evaluated, evaluation_rng
 from pga_me_ros.core.runs.run_directory import open_run
+from pga_me_ros.core.storage import repertoire
 from pga_me_ros.core.storage.npz import save_arrays
+from pga_me_ros.core.storage.reading import read_archive
 from pga_me_ros.core.storage.reevaluations import Reevaluations
 from pga_me_ros.core.storage.repertoire import Repertoire
 from pga_me_ros.core.storage.stored_run import REPERTOIRE, StoredRun
@@ -75,15 +78,14 @@ def test_generations_and_archive_are_of_one_state_of_a_growing_run(
     )
     added = archive.add(batch)
     metrics = generation_metrics(archive, batch, added, 2, last.metrics)
-    read = Repertoire._read_archive
 
-    def after_a_commit(file: Repertoire) -> Archive:
+    def after_a_commit(*file: Any) -> Archive:
         monkeypatch.undo()
         with Repertoire.open(folder / REPERTOIRE) as growing:
             growing.commit(2, [archive.elite(cell)], metrics, last.rates)
-        return read(file)
+        return read_archive(*file)
 
-    monkeypatch.setattr(Repertoire, "_read_archive", after_a_commit)
+    monkeypatch.setattr(repertoire, "read_archive", after_a_commit)
     torn = StoredRun.load(folder)
     assert len(torn.generations) == 2
     assert torn.archive.digest() == before.archive.digest()
