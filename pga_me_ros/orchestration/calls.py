@@ -22,7 +22,10 @@ from pga_me_ros.errors import PgaError
 from pga_me_ros.ros import names, qos
 
 TICK = 0.05
-"""Seconds between two checks on children and stop requests during a wait."""
+"""Seconds between two checks of a condition during a wait, as not everything wakes it."""
+
+LOOK = 0.25
+"""Seconds between two looks after children, evaluators and stop requests during a wait; one takes a millisecond."""
 
 PATIENCE = 10.0
 """Seconds after which a request is sent again, as it may have been lost."""
@@ -39,7 +42,8 @@ class Waiter:
     """Lets the generation loop wait, while children are looked after.
 
     Args:
-        look: Called at every tick; looks after children and raises `StoppedError` if the run should end.
+        look: Called every `LOOK` seconds of a wait; looks after children, and raises `StoppedError` if the run should
+            end.
         arrivals: Returns how many nodes have come up so far, restarted ones included.
     """
 
@@ -47,7 +51,7 @@ class Waiter:
         self._look = look
         self.arrivals = arrivals
         self._happened = threading.Event()
-        self._looked = -TICK
+        self._looked = -LOOK
 
     def wake(self) -> None:
         """Have the condition checked again; may be called from any thread."""
@@ -72,7 +76,7 @@ class Waiter:
             left = deadline - now
             if left <= 0:
                 return False
-            if now - self._looked >= TICK:
+            if now - self._looked >= LOOK:
                 self._looked = now
                 self._look()
             self._happened.wait(min(TICK, left))

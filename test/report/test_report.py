@@ -147,7 +147,11 @@ def test_algorithms_have_medians_and_curves_of_their_own(tmp_path: Path) -> None
     assert "<!-- map_elites -->" in drawing, "the legend names it"
 
 
-def test_a_thinned_repertoire_has_no_part_in_medians_and_curves(tmp_path: Path) -> None:
+def test_a_thinned_repertoire_has_no_part_in_medians_and_curves(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for single in ("pictures.draw_archive", "lineage.draw_lineage"):  # not looked at here, and slow
+        monkeypatch.setattr(f"pga_me_ros.report.{single}", lambda *_, **__: [])
     ready = StoredRun.load("zoo/qd_hopper")
     young = StoredRun.load(stored(tmp_path, "qd_hopper", 1))
     assert ready.is_thinned
