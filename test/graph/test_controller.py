@@ -117,7 +117,7 @@ class Driven:
         return [list(msg.data) for msg in self.commands]
 
     def moves_after_release(self) -> bool:
-        """Release it while the sensors speak; return whether the joints then move."""
+        """Release it, also from a freeze as of a busy machine, while the sensors speak; return whether joints move."""
         self.next_commands()
         self.stop(on=False)
         return self.moves()
@@ -141,7 +141,7 @@ def driven(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Driven]:
     with pytest.MonkeyPatch.context() as patch, domain_id() as domain:
         patch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
         graph, probe = Graph(domain, folder), Probe(domain)
-        parameters = {"repertoire": REPERTOIRE, "mapping": MAPPING, "timeout": 1.0, "ramp": 0.05}
+        parameters = {"repertoire": REPERTOIRE, "mapping": MAPPING, "timeout": 2.0, "ramp": 0.05}
         controller = graph.start("controller", parameters)
         node = probe.node
         topics = [
@@ -178,7 +178,7 @@ def test_it_waits_for_sensors_and_commands_once_all_have_spoken(driven: Driven) 
 
 
 def test_an_emergency_stop_lasts_until_it_is_released(driven: Driven) -> None:
-    assert driven.moves()
+    assert driven.moves_after_release()
     assert driven.stop(on=True) == "stopped"
     assert not any(map(any, driven.next_commands()[1:]))  # the first one may be of before
     driven.told("stopped: emergency stop")
@@ -187,12 +187,13 @@ def test_an_emergency_stop_lasts_until_it_is_released(driven: Driven) -> None:
 
 
 def test_nan_in_a_sensor_reaches_no_joint_and_freezes_if_it_lasts(driven: Driven) -> None:
-    assert driven.moves()
+    assert driven.moves_after_release()
     driven.commands.clear()
+    before = driven.controller.output.count("frozen: ")
 
     def frozen() -> bool:
         driven.speak(velocity=math.nan)
-        return "frozen: " in driven.controller.output
+        return driven.controller.output.count("frozen: ") > before
 
     wait_until(frozen, "a freeze")
     assert "velocity of foot_joint on topic 'joint_states' is nan" in driven.controller.output
@@ -203,7 +204,7 @@ def test_nan_in_a_sensor_reaches_no_joint_and_freezes_if_it_lasts(driven: Driven
 
 
 def test_a_release_while_the_sensors_are_silent_keeps_the_joints_safe(driven: Driven) -> None:
-    assert driven.moves()
+    assert driven.moves_after_release()
     wait_until(lambda: not any(driven.commands[-1].data), "a freeze")  # nobody speaks
     driven.diagnostics.clear()
     driven.stop(on=False)
@@ -231,10 +232,10 @@ def test_a_second_controller_leaves_before_it_commands(driven: Driven, tmp_path:
 
 
 def test_a_controller_that_stood_still_freezes(driven: Driven) -> None:
-    assert driven.moves()
+    assert driven.moves_after_release()
     begun = driven.controller.output.count("the controller stood still")
     driven.controller.signal(signal.SIGSTOP)
-    pause = time.monotonic() + 2.0  # twice its timeout
+    pause = time.monotonic() + 4.0  # twice its timeout
 
     def slept() -> bool:
         driven.speak()

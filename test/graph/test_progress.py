@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import sys
 from pathlib import Path
 
+import pytest
 from graph import TINY, Graph, Probe, ros_arguments, wait_until
 from pga_me_msgs.msg import Progress
 from pga_me_msgs.srv import GetInfo
@@ -29,6 +31,22 @@ def test_the_topic_reports_pause_and_stop(graph: Graph, probe: Probe, tmp_path: 
         wait_until(lambda state=state: heard[-1].state == state, state)
     assert run.wait() == 0, run.output
     assert "the same command resumes" in run.output
+
+
+def test_the_topic_reports_failure(
+    graph: Graph, probe: Probe, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "my_robots.py").write_text(
+        "from pga_me_ros.tasks.bullet.locomotion import QDHopper\n"
+        "class Unplugged(QDHopper):\n"
+        "    def __init__(self):\n"
+        "        raise RuntimeError\n"
+    )
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path), prepend=os.pathsep)
+    heard: list[Progress] = probe.listen(Progress, names.PROGRESS, qos.EXPERIENCE_READER)
+    run = graph.run(tmp_path / "run", task="my_robots:Unplugged")
+    assert run.wait() == 2, run.output
+    wait_until(lambda: heard[-1].state == "failed", "the last state")
 
 
 def test_in_a_terminal_progress_stays_in_one_intact_line(graph: Graph, tmp_path: Path) -> None:
