@@ -128,10 +128,8 @@ class Guard:
         """
         if not self.has_commanded:
             return None
-        if self.state is not State.STOPPED:
-            if self.state is not State.FROZEN:  # the first reason is kept
-                self.reason = reason
-            self.state = State.FROZEN
+        if self.state not in (State.STOPPED, State.FROZEN):  # whose reasons are kept
+            self.state, self.reason = State.FROZEN, reason
         return self._safe()
 
     def stop(self, reason: str) -> Float64Array | None:

@@ -35,6 +35,22 @@ def other_run(new_run: Callable[..., Path]) -> Path:
 
 
 @pytest.fixture(scope="session")
+def page_of_two(
+    hopper_run: Path, other_run: Path, pages: Any, tmp_path_factory: pytest.TempPathFactory
+) -> Callable[[int], Page]:
+    """Return a function that opens a page of two runs with the same cells, and with so many gaits in motion."""
+
+    def show(motions: int) -> Page:
+        out = tmp_path_factory.mktemp("two") / "two.html"
+        words = [str(hopper_run), str(other_run), "--html", str(out), "--motions", str(motions)]
+        assert main(words) == 0
+        shown: Page = pages(out, offline=True)
+        return shown
+
+    return show
+
+
+@pytest.fixture(scope="session")
 def longer_run(new_run: Callable[..., Path]) -> Path:
     """Return the folder of a run like `hopper_run` that went on for two generations; only read it."""
     return new_run(evaluations=40)

@@ -11,21 +11,13 @@ import pytest
 from pga_me_ros.core.storage.distinct import require_distinct
 from pga_me_ros.core.storage.stored_run import StoredRun
 from pga_me_ros.errors import RequestError
-from pga_me_ros.explorer.__main__ import main
 from pga_me_ros.explorer.graph_source import open_graphs
 
 
 @pytest.fixture(scope="module")
-def beside(
-    hopper_run: Path,
-    other_run: Path,
-    pages: Callable[..., Any],
-    tmp_path_factory: pytest.TempPathFactory,
-) -> Any:
+def beside(page_of_two: Callable[[int], Any]) -> Any:
     """Return the page of two runs that have the same cells."""
-    out = tmp_path_factory.mktemp("beside") / "two.html"
-    assert main([str(hopper_run), str(other_run), "--html", str(out), "--motions", "0"]) == 0
-    return pages(out, offline=True)
+    return page_of_two(0)
 
 
 def test_a_run_is_given_once(hopper_run: Path, other_run: Path) -> None:

@@ -3,25 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import pytest
 
-from pga_me_ros.explorer.__main__ import main
-
 
 @pytest.fixture(scope="module")
-def beside(
-    hopper_run: Path,
-    other_run: Path,
-    pages: Callable[..., Any],
-    tmp_path_factory: pytest.TempPathFactory,
-) -> Any:
+def beside(page_of_two: Callable[[int], Any]) -> Any:
     """Return the page of two runs."""
-    out = tmp_path_factory.mktemp("choosing") / "two.html"
-    assert main([str(hopper_run), str(other_run), "--html", str(out), "--motions", "0"]) == 0
-    return pages(out, offline=True)
+    return page_of_two(0)
 
 
 @pytest.fixture

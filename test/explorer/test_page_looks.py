@@ -11,7 +11,6 @@ import pytest
 from browsing import ZOO
 
 from pga_me_ros.core.storage.stored_run import StoredRun
-from pga_me_ros.explorer.__main__ import main
 from pga_me_ros.explorer.recorder import chosen_cells
 
 SCHEMES = ("light", "dark")
@@ -24,16 +23,9 @@ def recorded() -> list[int]:
 
 
 @pytest.fixture(scope="module")
-def two(
-    hopper_run: Path,
-    other_run: Path,
-    pages: Callable[..., Any],
-    tmp_path_factory: pytest.TempPathFactory,
-) -> Any:
+def two(page_of_two: Callable[[int], Any]) -> Any:
     """Return a page of two runs whose gaits last for different times."""
-    out = tmp_path_factory.mktemp("two") / "two.html"
-    assert main([str(hopper_run), str(other_run), "--html", str(out), "--motions", "3"]) == 0
-    return pages(out, offline=True)
+    return page_of_two(3)
 
 
 def in_scheme(page: Any, scheme: str) -> None:

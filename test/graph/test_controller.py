@@ -126,6 +126,16 @@ class Driven:
         """Whether the newest of the next commands has an effort that is not 0."""
         return any(self.next_commands()[-1])
 
+    def exit_code(self, other: Started) -> int:
+        """Let the sensors speak until another process has ended; return its exit code."""
+
+        def ended() -> bool:
+            self.speak()
+            return other.process.poll() is not None
+
+        wait_until(ended, "its end")
+        return other.wait()
+
     def told(self, words: str) -> None:
         """Wait until the diagnostics say something."""
 
@@ -220,13 +230,7 @@ def test_a_second_controller_leaves_before_it_commands(driven: Driven, tmp_path:
     commands = driven.probe.listen(Float64MultiArray, "second_commands", qos.STREAM)
     parameters = {"repertoire": REPERTOIRE, "mapping": MAPPING, "timeout": 5.0}
     second = graph.start("controller", parameters, "-r", "commands:=second_commands")
-
-    def ended() -> bool:
-        driven.speak()
-        return second.process.poll() is not None
-
-    wait_until(ended, "its end")
-    assert second.wait() == 2
+    assert driven.exit_code(second) == 2
     assert "is taken in this ROS domain" in second.output
     assert not commands
 
@@ -256,13 +260,7 @@ def test_a_joint_that_the_robot_has_not_ends_it_in_one_line(driven: Driven, tmp_
     parameters = {"repertoire": REPERTOIRE, "mapping": mapping}
     graph = Graph(driven.probe.context.get_domain_id(), tmp_path)
     other = graph.start("controller", parameters, *REMAPPED)
-
-    def ended() -> bool:
-        driven.speak()
-        return other.process.poll() is not None
-
-    wait_until(ended, "its end")
-    assert other.wait() == 2
+    assert driven.exit_code(other) == 2
     words = "error: Topic 'joint_states' has no joint 'ankle_joint' (did you mean 'leg_joint'?); it has thigh_joint,"
     assert other.output.splitlines()[-1].startswith(words)
 
@@ -290,13 +288,7 @@ def test_a_fault_of_the_controller_leaves_the_joints_without_effort(
     graph = Graph(driven.probe.context.get_domain_id(), tmp_path)
     command = [sys.executable, "-c", FAULT, *ros_arguments(parameters), *REMAPPED]
     faulty = graph.launch(command)
-
-    def ended() -> bool:
-        driven.speak()
-        return faulty.process.poll() is not None
-
-    wait_until(ended, "its end")
-    assert faulty.wait() == 1
+    assert driven.exit_code(faulty) == 1
     assert "StopIteration" in faulty.output
     wait_until(lambda: bool(commands) and not any(commands[-1].data), "efforts of 0")
     assert any(map(any, (msg.data for msg in commands)))
