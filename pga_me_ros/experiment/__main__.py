@@ -64,7 +64,7 @@ def _listed(options: argparse.Namespace) -> int:
 def _carried_out(options: argparse.Namespace) -> int:
     """Run the chosen cells; return the exit status."""
     experiment, folder = read_experiment(options.file), _folder(options)
-    domain_of(os.environ)
+    domain = domain_of(os.environ)
     cells = experiment.chosen(options.cell)
     cores = len(os.sched_getaffinity(0))
     jobs = cores if options.jobs is None else options.jobs
@@ -77,15 +77,14 @@ def _carried_out(options: argparse.Namespace) -> int:
     lock = None if options.cell else FileLock(folder / LOCK)
     try:
         _keep_copy(options.file, folder)
-        return _run(cells, folder, jobs, cores)
+        return _run(cells, folder, jobs, cores, domain)
     finally:
         if lock:
             lock.release()
 
 
-def _run(cells: Sequence[Cell], folder: Path, jobs: int, cores: int) -> int:
+def _run(cells: Sequence[Cell], folder: Path, jobs: int, cores: int, domain: int) -> int:
     signals, terminal = Signals(), Terminal()
-    domain = domain_of(os.environ)
     matrix = Matrix(cells, folder, jobs=jobs, cores=cores, domain=domain, terminal=terminal)
     domain_of(os.environ, LAST_DOMAIN - matrix.further_domains)
     matrix.run(signals)
