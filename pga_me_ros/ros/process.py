@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import sys
 import traceback
 from collections.abc import Callable
@@ -71,6 +72,8 @@ def run_node(
         if node is not None:
             node.destroy_node()
         rclpy.try_shutdown()
+        if started and node is None:
+            gc.collect()  # others would still see, and ask, what there is of a node that could not be made
     return 0
 
 
