@@ -68,7 +68,10 @@ NEEDED = (*SIMULATION, "critic", "PG variation")
 
 @dataclass(frozen=True)
 class Part:
-    """The generations that are compared: those after the first `skipped`."""
+    """The generations that are compared: those after the first `skipped`.
+
+    One more follows them, so that the graph's processes are still there when their time is read.
+    """
 
     task: str
     random_init: int
@@ -122,7 +125,7 @@ def settings_of(part: Part, seed: int) -> Settings:
         seed=seed,
         algorithm=part.algorithm,
         random_init=part.random_init,
-        evaluations=part.generations * part.batch_size,
+        evaluations=(part.generations + 1) * part.batch_size,
     )
 
 
@@ -146,6 +149,7 @@ def run_search(part: Part, seed: int) -> Measured:
             start = time.perf_counter()
             search.run_generation(task)
             seconds.append(time.perf_counter() - start)
+    search.run_generation(task)
     task.close()
     seconds = seconds[part.skipped :]
     other = sum(seconds) - sum(watch.seconds.values())
@@ -194,7 +198,7 @@ def run_graph(part: Part, seed: int) -> Measured:
         with Repertoire.open(file, read_only=True) as repertoire:
             digest = repertoire.result_digest()
         times = committed(file)
-    seconds = [b - a for a, b in pairwise(times)][part.skipped - 1 :]
+    seconds = [b - a for a, b in pairwise(times)][part.skipped - 1 : part.generations - 1]
     cores, listening = (
         {kind: b[kind] - a.get(kind, 0.0) for kind in b} for a, b in zip(before, after, strict=True)
     )
