@@ -29,10 +29,15 @@ def main() -> None:
     parser.add_argument("--length", type=float, help="similarity_length; by default the run's")
     args = parser.parse_args()
     with Repertoire.open(args.run / "repertoire.db", read_only=True) as repertoire:
+        generation = repertoire.last_generation if args.generation is None else args.generation
         settings = Settings.from_stored(repertoire.info.settings)
-        newest = len(repertoire.metrics()) - 1
-    generation = newest if args.generation is None else args.generation
-    length = args.length or settings.similarity_length
+        settings = settings.with_rates(repertoire.generation(generation).rates)
+    if generation < settings.init_generations:
+        parser.error(
+            f"generation {generation} was meant for no descriptors; those from {settings.init_generations} on are"
+        )
+    if args.length is not None:
+        settings = settings.replace(similarity_length=args.length)
     spec = make_task(settings.task).spec
     episodes = Experience(args.run / "experience", settings).episodes(generation)
     for slots in algorithm_of(settings).batch_plan(settings, generation):
@@ -48,7 +53,7 @@ def main() -> None:
             achieved = scaled([e.descriptor for e in aimed], spec)
             aims = scaled([e.intended for e in aimed], spec)
             missed = np.linalg.norm(achieved - aims, axis=1)
-            counts = similarity(achieved, aims, length).mean()
+            counts = similarity(achieved, aims, settings.similarity_length).mean()
             line += f"; misses its aim by {np.median(missed):.2f}, rewards count {counts:.4f}"
         print(line)
 
