@@ -2,41 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
-from pga_me_ros.arrays import Float32Array
 from pga_me_ros.core.algorithms import algorithm_of
+from pga_me_ros.core.exploration import Act, exploring
 from pga_me_ros.core.rng import Purpose, generator
 from pga_me_ros.core.settings import Settings
-
-Act = Callable[[Float32Array], Float32Array]
-
-
-def exploring(controller: Act, sigma: float, seed: int, evaluation: int) -> Act:
-    """Return a controller whose actions are those of another one plus Gaussian noise, clipped to -1..1.
-
-    An actor explores like this (Alg. 2 line 7, Nilsson & Cully 2021). Like the initial pose, the noise depends on the
-    evaluation: repeating the evaluation draws the same noise.
-
-    Args:
-        controller: Maps an observation, (observation_dim,) float32, to an action, (action_dim,) float32.
-        sigma: Standard deviation of the noise; 0 returns the controller as it is.
-        seed: Seed of the run.
-        evaluation: Id of the evaluation; the controller returned is for this one episode.
-    """
-    if sigma == 0.0:
-        return controller
-    rng = generator(seed, Purpose.EXPLORATION, 0, evaluation)
-    scale = np.float32(sigma)
-
-    def act(observation: Float32Array) -> Float32Array:
-        action = controller(observation)
-        noise = rng.standard_normal(action.shape, np.float32) * scale
-        return np.clip(action + noise, np.float32(-1.0), np.float32(1.0))
-
-    return act
 
 
 def as_evaluated(settings: Settings, controller: Act, evaluation: int) -> Act:
@@ -48,8 +19,8 @@ def as_evaluated(settings: Settings, controller: Act, evaluation: int) -> Act:
         evaluation: Id of the evaluation.
     """
     generation = evaluation // settings.batch_size
-    sigma = algorithm_of(settings).exploration_sigma(settings, generation)
-    return exploring(controller, sigma, settings.seed, evaluation)
+    noise = algorithm_of(settings).exploration(settings, generation)
+    return exploring(controller, noise, settings.seed, evaluation)
 
 
 def evaluation_ids(settings: Settings, generation: int) -> range:

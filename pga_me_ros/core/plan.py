@@ -10,6 +10,7 @@ from typing import Any
 
 from pga_me_ros.core.algorithms import Slots, algorithm_of
 from pga_me_ros.core.evaluation import evaluation_ids
+from pga_me_ros.core.exploration import Noise
 from pga_me_ros.core.operators import OPERATORS, Operator, needs_snapshot
 from pga_me_ros.core.settings import Settings
 
@@ -48,7 +49,7 @@ class GenerationPlan:
         settings: Settings with the rates in force.
         evaluations: Ids of its evaluations.
         slots: Which operator fills which places of the batch, in order.
-        exploration_sigma: Standard deviation of the noise on all actions.
+        exploration: Noise on the actions of all its episodes.
         training: Training that must end before the offspring that need its snapshot; None if there is none.
         meanwhile: Training for t + 1 that runs while t is evaluated; None if there is none.
         meanwhile_ends_within: Whether `meanwhile` must end before t is added to the archive.
@@ -58,7 +59,7 @@ class GenerationPlan:
     settings: Settings
     evaluations: range
     slots: tuple[Slots, ...]
-    exploration_sigma: float
+    exploration: Noise
     training: TrainingOrder | None
     meanwhile: TrainingOrder | None
     meanwhile_ends_within: bool
@@ -81,7 +82,7 @@ class GenerationPlan:
             settings=settings,
             evaluations=evaluation_ids(settings, generation),
             slots=tuple(algorithm.batch_plan(settings, generation, imported)),
-            exploration_sigma=algorithm.exploration_sigma(settings, generation),
+            exploration=algorithm.exploration(settings, generation),
             training=training_for(settings, before, generation),
             meanwhile=training_meanwhile(settings, generation),
             # The run's first training may start the greedy controller at the present best elite, so it could not be

@@ -18,7 +18,8 @@ from pga_me_msgs.msg import Transitions
 from pga_me_msgs.srv import Evaluate
 from rclpy.executors import ExternalShutdownException
 
-from pga_me_ros.core.evaluation import evaluation_rng, exploring, reevaluation_rng
+from pga_me_ros.core.evaluation import evaluation_rng, reevaluation_rng
+from pga_me_ros.core.exploration import Noise, exploring
 from pga_me_ros.core.networks.controller import MlpController
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.core.settings.field import checked_value, setting
@@ -49,8 +50,8 @@ subscriber half as much as one after the other."""
 OTHER_NAME = "Give this evaluator another one (--ros-args -r __node:=NAME), or none: it then makes up its own."
 """What the user can do if another evaluator has the name."""
 
-EXPLORATION_SIGMA = next(f for f in fields(Settings) if f.name == "exploration_sigma")
-"""The setting with the range of the noise."""
+NOISE = [f for f in fields(Settings) if f.name in ("exploration_sigma", "exploration_correlation")]
+"""The settings with the ranges of the noise."""
 
 
 @dataclass(frozen=True)
@@ -92,12 +93,13 @@ class Evaluator(GraphNode):
         self._wait_for_reader()
         self.diagnostics.run_id = request.run_id
         self.diagnostics.queue = n
+        noise = Noise(request.exploration_sigma, request.exploration_correlation)
         due = time.monotonic() + HELD
         for evaluation, controller, aim in zip(request.evaluations, controllers, aims, strict=True):
             if not self.context.ok():
                 raise ExternalShutdownException  # other evaluators do the rest of the chunk
             rng = evaluation_rng(request.seed, evaluation)
-            acting = exploring(controller, request.exploration_sigma, request.seed, evaluation)
+            acting = exploring(controller, noise, request.seed, evaluation)
             episode = rollout(task, acting, rng)
             episodes.append(episode if aim is None else replace(episode, intended=aim))
             self.count_done()
@@ -199,7 +201,8 @@ class Evaluator(GraphNode):
             raise RequestError(
                 "Give at least one evaluation id; ids, seed and generation must be at least 0."
             )
-        checked_value(EXPLORATION_SIGMA, request.exploration_sigma)
+        for field in NOISE:
+            checked_value(field, getattr(request, field.name))
         if request.repeats:
             _require_repeats(request)
         shape = layers_from_msg(request.layer_sizes, "layer_sizes")
@@ -232,10 +235,11 @@ def _require_repeats(request: Evaluate.Request) -> None:
             f"repeats has {repeats.size} entries, the least {repeats.min()}; expected one per evaluation id "
             f"({len(request.evaluations)}), at least 0."
         )
-    if request.exploration_sigma:
-        raise RequestError(
-            f"exploration_sigma is {request.exploration_sigma}, but re-evaluations are without noise; give 0."
-        )
+    for field in NOISE:
+        if value := getattr(request, field.name):
+            raise RequestError(
+                f"{field.name} is {value}, but re-evaluations are without noise; give 0."
+            )
 
 
 def _named_by_hand(node: Evaluator) -> bool:

@@ -14,6 +14,7 @@ from rclpy.client import Client
 from rclpy.node import Node
 
 from pga_me_ros.arrays import Float32Array, Float64Array
+from pga_me_ros.core.exploration import QUIET, Noise
 from pga_me_ros.errors import PgaError
 from pga_me_ros.orchestration.evaluator_work import (
     Chunk,
@@ -71,7 +72,7 @@ class EvaluatorPool:
         self._outcomes: dict[int, Outcome] = {}
         self._seconds = 0.0  # mean time per evaluation in a chunk, 0 if unknown
         self.generation = 0
-        self._exploration_sigma = 0.0
+        self._exploration = QUIET
         self._error: PgaError | None = None
 
     def __len__(self) -> int:
@@ -85,16 +86,16 @@ class EvaluatorPool:
             sent = sum(len(c.ids) for worker in self._workers.values() for c in worker.chunks)
             return len(self._queue) + sent
 
-    def begin(self, generation: int, exploration_sigma: float = 0.0) -> None:
+    def begin(self, generation: int, exploration: Noise = QUIET) -> None:
         """Forget the last generation's work and results.
 
         Args:
             generation: The next generation.
-            exploration_sigma: Standard deviation of the noise on the actions of all its episodes.
+            exploration: Noise on the actions of all its episodes.
         """
         with self._lock:
             self.generation = generation
-            self._exploration_sigma = exploration_sigma
+            self._exploration = exploration
             self._queue.clear()
             self._controllers.clear()
             self._outcomes.clear()
@@ -286,7 +287,7 @@ class EvaluatorPool:
 
     def _send(self, worker: Worker, ids: list[int]) -> None:
         what = [self._controllers[k] for k in ids]
-        request = self._job.request(self.generation, self._exploration_sigma, what)
+        request = self._job.request(self.generation, self._exploration, what)
         worker.chunks.append(chunk := Chunk(ids, time.monotonic()))
         chunk.future = worker.client.call_async(request)
         chunk.future.add_done_callback(lambda future: self._answered(worker, chunk, future))

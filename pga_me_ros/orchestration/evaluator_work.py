@@ -13,6 +13,7 @@ from pga_me_msgs.srv import Evaluate
 from rclpy.client import Client
 
 from pga_me_ros.arrays import Float32Array, Float64Array
+from pga_me_ros.core.exploration import Noise
 from pga_me_ros.errors import PgaError
 from pga_me_ros.ros.convert import flat
 from pga_me_ros.ros.evaluations import aims_to_msg, evaluated_from_msg
@@ -167,19 +168,20 @@ class Job:
         )
 
     def request(
-        self, generation: int, exploration_sigma: float, controllers: Sequence[Controller]
+        self, generation: int, exploration: Noise, controllers: Sequence[Controller]
     ) -> Evaluate.Request:
         """Return what an evaluator is asked for.
 
         Args:
             generation: Generation of the controllers.
-            exploration_sigma: Standard deviation of the noise on actions.
+            exploration: Noise on actions.
             controllers: What to evaluate, at least one; all of them re-evaluations or none.
         """
         request = Evaluate.Request(run_id=self.run_id, task=self.task, seed=self.seed)
         request.generation = generation
         request.randomization = self.randomization
-        request.exploration_sigma = exploration_sigma
+        request.exploration_sigma = exploration.sigma
+        request.exploration_correlation = exploration.correlation
         request.evaluations = flat([c.evaluation for c in controllers], "q")
         if controllers[0].repeat != FIRST:
             request.repeats = flat([c.repeat for c in controllers], "q")

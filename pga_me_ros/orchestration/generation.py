@@ -77,7 +77,7 @@ class GenerationLoop:
         plan = GenerationPlan.of(settings, before, t, len(self._imported))
         count = self._shape.parameter_count
         batch = Batch.empty(t, plan.evaluations, count, self._descriptor_dim)
-        self._pool.begin(t, plan.exploration_sigma)
+        self._pool.begin(t, plan.exploration)
         if plan.training and not self._critics.has(plan.training):
             self._critics.start(plan.training)  # no effect if it is running
         if plan.training and plan.meanwhile:

@@ -337,6 +337,7 @@ def evaluate_target(world: World, evaluator: str) -> Target:
         *of_length("parameters", "f", p),
         *not_finite("parameters", "f", p),
         *((("exploration_sigma", x)) for x in (-0.1, 10.1, math.nan, math.inf)),
+        *((("exploration_correlation", x)) for x in (-0.1, 1.0, math.nan, math.inf)),
         # Empty or NaN, it says that there is none.
         *(fault for fault in of_length("intended_descriptors", "d", d) if len(fault[1])),
         ("intended_descriptors", array.array("d", [math.inf] * d)),

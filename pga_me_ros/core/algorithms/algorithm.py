@@ -14,6 +14,7 @@ import numpy as np
 
 from pga_me_ros.arrays import BoolArray, Float64Array, Int64Array
 from pga_me_ros.core.archive.archive import Archive
+from pga_me_ros.core.exploration import QUIET, Noise
 from pga_me_ros.core.networks.mlp import MlpShape
 from pga_me_ros.core.networks.shapes import controller_shape, critic_shape
 from pga_me_ros.core.operators import Operator
@@ -199,9 +200,9 @@ class Algorithm(ABC):
         """
         return np.ones(len(operators), np.bool_)
 
-    def exploration_sigma(self, settings: Settings, generation: int) -> float:
-        """Return the standard deviation of the exploration noise on a generation's actions, 0 for none."""
-        return 0.0
+    def exploration(self, settings: Settings, generation: int) -> Noise:
+        """Return the exploration noise on a generation's actions."""
+        return QUIET
 
     def remembered(self, episode: Episode) -> Episode:
         """Return the part of an episode that learning needs and that is stored."""

@@ -20,6 +20,14 @@ class AlgorithmSettings(ExtractionSettings):
         symbol="sigma_a",
         part="td3",
     )
+    exploration_correlation: float = setting(
+        0.0,
+        "td3: correlation of that noise from one step to the next; 0: independent, as published. A high one moves limbs "
+        "where independent noise averages out.",
+        low=0.0,
+        high=0.999,
+        part="td3",
+    )
     es_samples: int = setting(
         1000,
         "map_elites_es: evaluations per estimate of a gradient, in mirrored pairs; section 4.3.",

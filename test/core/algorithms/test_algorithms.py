@@ -14,6 +14,7 @@ from pga_me_ros.core.algorithms.learners import make_learner
 from pga_me_ros.core.algorithms.snapshot_fit import require_fit
 from pga_me_ros.core.archive.elites import NO_PARENT
 from pga_me_ros.core.evaluation import evaluation_rng
+from pga_me_ros.core.exploration import QUIET
 from pga_me_ros.core.networks.controller import MlpController
 from pga_me_ros.core.networks.mlp import MlpShape, random_parameters
 from pga_me_ros.core.operators import Operator
@@ -215,7 +216,7 @@ def test_a_run_starts_with_given_controllers_and_then_random_ones(name):
         Slots(Operator.IMPORTED, 0, 1),
         Slots(Operator.RANDOM, 1, b - 1),
     ]
-    assert algorithm.exploration_sigma(settings, settings.init_generations - 1) == 0.0
+    assert algorithm.exploration(settings, settings.init_generations - 1) == QUIET
 
 
 def test_only_the_name_of_an_algorithm_is_required():
@@ -258,6 +259,11 @@ def test_stored_settings_are_read_back_unchanged(name):
         ),
         ({"batch_size": 1, "n_evo": 0}, "batch_size is 1; pga_map_elites needs at least 2"),
         ({"exploration_sigma": -0.1}, "exploration_sigma is -0.1; expected a value from 0.0"),
+        (
+            {"exploration_correlation": 1.0},
+            "exploration_correlation is 1.0; expected a value from 0.0 to 0.999",
+        ),
+        ({"exploration_correlation": 0.5}, "doesn't use it; remove exploration_correlation"),
     ],
     ids=lambda x: str(x)[:40] if isinstance(x, dict) else "",
 )

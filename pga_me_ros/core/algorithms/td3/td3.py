@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pga_me_ros.core.algorithms.algorithm import Algorithm, Slots
+from pga_me_ros.core.exploration import QUIET, Noise
 from pga_me_ros.core.operators import Operator
 from pga_me_ros.core.settings import Settings
 
@@ -25,6 +26,8 @@ class Td3(Algorithm):
         """Always."""
         return True
 
-    def exploration_sigma(self, settings: Settings, generation: int) -> float:
+    def exploration(self, settings: Settings, generation: int) -> Noise:
         """Alg. 2 line 7; the random controllers at the start explore by themselves."""
-        return settings.exploration_sigma if generation >= settings.init_generations else 0.0
+        if generation < settings.init_generations:
+            return QUIET
+        return Noise(settings.exploration_sigma, settings.exploration_correlation)
