@@ -18,9 +18,9 @@ Act = Callable[[Float32Array], Float32Array]
 class Noise:
     """Gaussian noise, independent for each entry of an action.
 
-    With a correlation c, its value at a step is c times that of the step before plus sqrt(1 - c^2) times a fresh one, so
-    its standard deviation is sigma at every step: an Ornstein-Uhlenbeck process, as DDPG explores with (Lillicrap et al.
-    2016).
+    With a correlation c, its value at a step is c times that of the step before plus sqrt(1 - c^2) times a fresh one,
+    so its standard deviation is sigma at every step. This is an Ornstein-Uhlenbeck process, as DDPG explores with
+    (Lillicrap et al. 2016).
 
     Attributes:
         sigma: Standard deviation; 0 for no noise.

@@ -34,7 +34,7 @@ VARIANTS: dict[str, dict[str, Any]] = {
         "line_noise": "tensor",
     },
     "MAP-Elites": {"n_evo": 10},
-    "TD3": {"algorithm": "td3"},
+    "TD3": {"algorithm": "td3", "exploration_correlation": 0.9},
     "MAP-Elites-ES": {**ES, "evaluations": 55},
     "QD-RL": {"algorithm": "qd_rl"},
     "evaluated again": {"extract_share": 0.3, "cell_depth": 2},

@@ -22,8 +22,8 @@ class AlgorithmSettings(ExtractionSettings):
     )
     exploration_correlation: float = setting(
         0.0,
-        "td3: correlation of that noise from one step to the next; 0: independent, as published. A high one moves limbs "
-        "where independent noise averages out.",
+        "td3: correlation of that noise from one step to the next; 0: independent, as published. A high one moves "
+        "limbs where independent noise averages out.",
         low=0.0,
         high=0.999,
         part="td3",
