@@ -101,10 +101,12 @@ def preset(name: str) -> dict[str, object]:
 
 
 LATER = "pga_map_elites_later"
+FIRST_WALK, FROM_WALK = "td3_first_walk", "dcrl_map_elites_from_walk"
+PRESETS = (LATER, FIRST_WALK, FROM_WALK)
 
 
 def test_every_preset_is_tested() -> None:
-    assert [path.stem for path in (CONFIG / "presets").iterdir()] == [LATER]
+    assert {path.stem for path in (CONFIG / "presets").iterdir()} == set(PRESETS)
 
 
 def test_the_later_rates_are_those_of_the_authors_lab() -> None:
@@ -117,11 +119,22 @@ def test_the_later_rates_are_those_of_the_authors_lab() -> None:
     assert all(getattr(later, name) == getattr(successor, name) for name in shared)
 
 
-def test_a_preset_holds_what_differs_and_goes_with_any_task() -> None:
-    values = preset(LATER)
-    assert Settings(**values).given == values
-    assert all(value != getattr(Settings(), name) for name, value in values.items())
+@pytest.mark.parametrize("name", PRESETS)
+def test_a_preset_holds_what_differs_and_goes_with_any_task(name: str) -> None:
+    values = preset(name)
+    settings = Settings(**values)
+    assert settings.given.keys() == values.keys()
+    plain = Settings(algorithm=settings.algorithm)
+    assert all(
+        getattr(settings, name) != getattr(plain, name) for name in values.keys() - {"algorithm"}
+    )
     assert "task" not in values
+
+
+def test_a_repertoire_can_start_from_the_first_walk() -> None:
+    walk, repertoire = (Settings(**preset(name)) for name in (FIRST_WALK, FROM_WALK))
+    assert walk.exploration_correlation > 0
+    assert walk.controller_hidden == repertoire.controller_hidden
 
 
 def test_the_experiment_with_the_later_rates_has_those_of_the_preset() -> None:
