@@ -139,7 +139,17 @@ PYBULLET = {"tasks/bullet", "tasks/body", "player", "render", "reevaluate"}
 ONLY_DATA_OF_TASKS = {"protocol", "rollout", "spec"}
 """What core may know about tasks: what a task and an episode are, but not which tasks exist."""
 
-IN_CORE = {"search", "plan", "evaluation", "batch", "snapshot", "operators", "rng", "__init__"}
+IN_CORE = {
+    "search",
+    "plan",
+    "evaluation",
+    "exploration",
+    "batch",
+    "snapshot",
+    "operators",
+    "rng",
+    "__init__",
+}
 """The files of core outside its packages: the algorithm itself."""
 
 NODES = {
