@@ -1,7 +1,8 @@
 """Draw the learning curves kept in docs/results: ``python scripts/result_curves.py [FOLDER]``.
 
-A record is named after its task, its algorithm if that is not PGA-MAP-Elites, settings that differ, and its seed, with
-hyphens between them. It needs the columns of a run's ``metrics.csv`` that are drawn.
+A record is named after its task, its algorithm, settings that differ or a word for them, and its seed, with hyphens
+between them; PGA-MAP-Elites with all defaults is not named. It needs the columns of a run's ``metrics.csv``
+that are drawn.
 """
 
 from __future__ import annotations
@@ -38,11 +39,12 @@ Record = Mapping[str, Float64Array]
 def read(file: Path) -> tuple[str, str, Record]:
     """Return the task of a record, what was run on it, and its columns."""
     task, *variant, _ = file.stem.split("-")
-    variant = [re.sub(r"(?<=\D)(?=\d+$)", " ", part) for part in variant]  # "n_crit12000"
+    algorithms, rest = variant[:1], variant[1:]
+    rest = [re.sub(r"(?<=\D)(?=\d+$)", " ", part) for part in rest]  # "n_crit12000"
     with file.open() as lines:
         header, *rows = csv.reader(lines)
     columns = np.array(rows, dtype=np.float64).T
-    return task, ", ".join(variant) or PLAIN, dict(zip(header, columns, strict=True))
+    return task, ", ".join([*algorithms, *rest]) or PLAIN, dict(zip(header, columns, strict=True))
 
 
 def draw(files: Sequence[Path], folder: Path) -> list[Path]:

@@ -22,6 +22,8 @@ def test_the_name_of_a_record_says_what_was_run(tmp_path: Path) -> None:
     np.testing.assert_array_equal(record["coverage"], [27.0, 110.0])
     plain = file.rename(tmp_path / "qd_ant-seed7.csv")
     assert read(plain)[:2] == ("qd_ant", "pga_map_elites")
+    other = plain.rename(tmp_path / "qd_ant-td3-first_walk-seed7.csv")
+    assert read(other)[:2] == ("qd_ant", "td3, first_walk")
 
 
 def test_every_record_is_in_the_figure(tmp_path: Path) -> None:

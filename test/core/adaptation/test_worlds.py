@@ -178,7 +178,7 @@ def test_the_worlds_of_several_files_are_those_of_the_elites_in_all() -> None:
     assert worlds_of([]) is None
 
 
-@pytest.mark.parametrize("name", ["qd_hopper", "qd_walker", "qd_half_cheetah"])
+@pytest.mark.parametrize("name", ["qd_hopper", "qd_walker", "qd_half_cheetah", "qd_ant"])
 def test_the_shipped_repertoires_know_what_they_achieve_in_other_worlds(name: str) -> None:
     run = StoredRun.load(f"zoo/{name}")
     assert run.worlds is not None

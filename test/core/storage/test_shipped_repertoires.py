@@ -20,8 +20,9 @@ def folder(request: pytest.FixtureRequest) -> Path:
     return path
 
 
-def test_there_is_one_for_robots_that_hop_walk_and_run() -> None:
-    assert {"qd_hopper", "qd_walker", "qd_half_cheetah"} <= {folder.name for folder in FOLDERS}
+def test_there_is_one_for_each_built_in_robot() -> None:
+    robots = {"qd_hopper", "qd_walker", "qd_half_cheetah", "qd_ant"}
+    assert robots <= {folder.name for folder in FOLDERS}
 
 
 def test_it_is_small_and_every_behavior_was_tried_again(folder: Path) -> None:
