@@ -11,12 +11,18 @@ import numpy as np
 from pga_me_ros.arrays import Int64Array
 from pga_me_ros.core.archive.archive import Archive
 from pga_me_ros.core.archive.corrected import NOBODY, corrected_owners
+from pga_me_ros.core.archive.cvt import CvtArchive
 from pga_me_ros.core.archive.make_archive import thinned_archive
+from pga_me_ros.core.archive.spread import spread_cells
 from pga_me_ros.core.archive.statistics import Statistics
 from pga_me_ros.errors import RequestError
 
 ROUNDS = 8
 """Numbers of cells that are tried: how many of them are filled is known only once they are made."""
+
+
+MOST_CELLS = 1000
+"""Cells above which the descriptor space is not divided evenly: a tessellation of more takes minutes."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +47,9 @@ def thinned(archive: Archive, known: Statistics, wanted: Thinning) -> Archive:
     """Return an archive of fewer cells that holds, in each of them, the elite with the greatest mean fitness.
 
     Its cells are a centroidal Voronoi tessellation of the descriptor space, of as many cells as it takes to fill nearly
-    as many as are wanted; an elite belongs to the cell of its mean descriptor.
+    as many as are wanted; an elite belongs to the cell of its mean descriptor. Elites that cover a small part of a
+    space of many dimensions, such as that of four feet, would need too many cells: then a cell is what lies nearest to
+    one of as many elites as are wanted, chosen as far apart as can be.
 
     Args:
         archive: The archive.
@@ -60,6 +68,10 @@ def thinned(archive: Archive, known: Statistics, wanted: Thinning) -> Archive:
         if filled >= 0.95 * most:
             break
         cells = max(cells + 1, int(cells * min(2.0, most / filled)))
+        if cells > MOST_CELLS:
+            coarse = _around_elites(archive, steady, most)
+            owners = corrected_owners(archive, steady, coarse)
+            break
         finer = _empty(archive, cells)
         found = corrected_owners(archive, steady, finer)
         if _count(found) > most:  # the coarser ones stay
@@ -98,6 +110,14 @@ def _empty(archive: Archive, cells: int) -> Archive:
     """Return an empty archive of so many cells that covers the same descriptor space."""
     low, high = archive.low.tolist(), archive.high.tolist()
     return thinned_archive(cells, low, high, archive.parameter_count)
+
+
+def _around_elites(archive: Archive, steady: Statistics, count: int) -> Archive:
+    """Return an empty archive whose cells lie around so many of the steady elites, far from each other."""
+    elites = steady.as_elites(archive)
+    chosen = spread_cells(elites, steady.known(archive), count)
+    low, high = archive.low.tolist(), archive.high.tolist()
+    return CvtArchive(elites.descriptors[chosen], low, high, archive.parameter_count)
 
 
 def _count(owners: Int64Array) -> int:

@@ -295,6 +295,30 @@ def test_as_many_as_wanted_are_kept_though_only_a_part_of_the_space_is_covered(
     assert 39 in kept.evaluations[kept.filled]
 
 
+def test_few_elites_in_a_space_of_many_dimensions_are_thinned_to_as_many_as_wanted() -> None:
+    rng = np.random.default_rng(0)
+    places = 0.5 + 0.1 * rng.random((200, 4))  # a ten-thousandth of the box
+    archive = CvtArchive(places, (0.0,) * 4, (1.0,) * 4, 1)
+    archive.add(
+        Solutions.of(
+            fitness=np.zeros(200),
+            descriptors=places,
+            parameters=np.zeros((200, 1)),
+            evaluations=range(200),
+        )
+    )
+    fitness = rng.random(200)
+    steady = Statistics(
+        np.full(200, 10), fitness, np.ones(200), places, np.zeros((200, 4)), np.zeros(200)
+    )
+    kept = thinned(archive, steady, Thinning(50))
+    assert kept.coverage == 50
+    owners = kept.cell_of(places)
+    for cell, evaluation in zip(kept.filled_cells(), kept.evaluations[kept.filled], strict=True):
+        assert fitness[evaluation] == fitness[owners == cell].max()
+    assert kept.digest() == thinned(archive, steady, Thinning(50)).digest()
+
+
 def test_what_falls_or_varies_too_much_is_left_out(archive: Archive) -> None:
     falls = np.where(np.arange(40) % 2, 0.5, 0.0)
     statistics = known(archive, np.arange(40.0), falls, 0.1)
