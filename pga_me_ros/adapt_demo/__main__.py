@@ -30,6 +30,7 @@ from pga_me_ros.adapt_demo.story import (
 )
 from pga_me_ros.client import Adapter
 from pga_me_ros.errors import PgaError
+from pga_me_ros.process.dismantling import dismantling
 from pga_me_ros.process.program import run_program
 from pga_me_ros.process.streams import tell
 from pga_me_ros.ros import names
@@ -126,7 +127,8 @@ def adapter_of(plan: Plan) -> Iterator[tuple[Adapter, Companions]]:
                 yield adapter, companions
             finally:
                 companions.close()
-                node.destroy_node()
+                with dismantling():
+                    node.destroy_node()
     finally:
         rclpy.try_shutdown()
 

@@ -20,6 +20,7 @@ from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 
 from pga_me_ros.demo.arguments import Arguments
+from pga_me_ros.process.dismantling import dismantling
 from pga_me_ros.process.signals import Signals
 from pga_me_ros.ros import names, qos
 from pga_me_ros.ros.environment import prepare_environment
@@ -96,7 +97,8 @@ def listening(pid: int, remaps: Sequence[str]) -> Iterator[threading.Event]:
     finally:
         executor.shutdown()
         thread.join()
-        node.destroy_node()
+        with dismantling():
+            node.destroy_node()
         rclpy.try_shutdown()
 
 

@@ -25,6 +25,7 @@ from pga_me_ros.explorer.served_archive import served_archive, spec_of
 from pga_me_ros.explorer.source import FORMATS, require_shown
 from pga_me_ros.explorer.steering import ACTIONS, Steering
 from pga_me_ros.player.gait import Gait
+from pga_me_ros.process.dismantling import dismantling
 from pga_me_ros.query.saving import require_savable, save
 from pga_me_ros.ros.command_line import Program, start
 from pga_me_ros.ros.node_names import require_valid_namespace
@@ -147,7 +148,8 @@ class GraphSource:
         """See `Source`."""
         rclpy.try_shutdown()
         self._spinning.join(5.0)
-        self._node.destroy_node()
+        with dismantling():
+            self._node.destroy_node()
 
     def _require_namespace(self, namespace: str) -> None:
         """Make sure that no remapping has put the node elsewhere."""

@@ -19,6 +19,7 @@ from pga_me_ros.core.adaptation.adaptation_settings import AdaptationSettings
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.core.settings.field import setting
 from pga_me_ros.errors import RequestError, StorageError
+from pga_me_ros.process.dismantling import dismantling
 from pga_me_ros.ros import names, qos
 from pga_me_ros.ros.command_line import Program
 from pga_me_ros.ros.graph_node import GraphNode
@@ -252,7 +253,8 @@ class Adapter(GraphNode):
         """Close the memory, then destroy both nodes."""
         self._memory.close()
         self._lock.release()
-        self._asking.destroy_node()
+        with dismantling():
+            self._asking.destroy_node()
         super().destroy_node()
 
 

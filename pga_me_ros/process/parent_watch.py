@@ -12,6 +12,8 @@ import socket
 import sys
 import threading
 
+from pga_me_ros.process.dismantling import end_within
+
 PARENT_WATCH = "PGA_ME_PARENT_WATCH"
 """Environment variable that tells a child to end when its standard input closes, that is, when its parent is gone."""
 
@@ -58,6 +60,7 @@ def _end_with_input() -> None:
         _hear_word()
     while os.read(0, 4096):
         pass
+    end_within(2 * GRACE)
     _move_output()
     try:
         # Importing it here could wait forever for an import that has just begun in another thread.

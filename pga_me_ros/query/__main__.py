@@ -15,6 +15,7 @@ from pga_me_ros.arguments import ArgumentParser
 from pga_me_ros.client import Behavior, FoundBehavior, RepertoireClient, RepertoireInfo
 from pga_me_ros.errors import RequestError
 from pga_me_ros.paths import user_path
+from pga_me_ros.process.dismantling import dismantling
 from pga_me_ros.process.program import run_program
 from pga_me_ros.query.saving import require_savable, save
 from pga_me_ros.query.table import as_json, table
@@ -102,7 +103,8 @@ def client(ros_args: Sequence[str], timeout: float) -> Iterator[RepertoireClient
         try:
             yield RepertoireClient(node, timeout=timeout)
         finally:
-            node.destroy_node()
+            with dismantling():
+                node.destroy_node()
     finally:
         rclpy.try_shutdown()
 

@@ -14,6 +14,7 @@ from rclpy.qos import QoSProfile
 from rclpy.signals import SignalHandlerOptions
 
 from pga_me_ros.errors import RequestError
+from pga_me_ros.process.dismantling import dismantling
 from pga_me_ros.recording.bag import read_bag, topics
 from pga_me_ros.recording.definitions import type_name
 from pga_me_ros.ros import qos
@@ -76,7 +77,8 @@ def publish(bag: Path, rate: float, wait: float, ros_args: Sequence[str]) -> str
         for publisher in publishers.values():
             publisher.wait_for_all_acked(Duration(seconds=LINGER))
     finally:
-        node.destroy_node()
+        with dismantling():
+            node.destroy_node()
         rclpy.try_shutdown()
     return f"published {count} messages in {seconds:.1f} s on {', '.join(known)}"
 

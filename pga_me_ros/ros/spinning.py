@@ -13,6 +13,8 @@ from rclpy.executors import Executor, ExternalShutdownException
 from rclpy.experimental.events_executor import EventsExecutor
 from rclpy.node import Node
 
+from pga_me_ros.process.dismantling import dismantling
+
 Callback = Callable[..., Any]
 
 LONGEST_WAIT = 60.0
@@ -39,6 +41,11 @@ class EndingNode(Node):
         executor: Executor | None = self.executor
         if executor is not None:
             executor.create_task(lambda: None)  # wakes the executor
+
+    def destroy_node(self) -> None:
+        """Destroy the node; the process ends if ROS 2 does not get done with it."""
+        with dismantling():
+            super().destroy_node()
 
     def unless_ended(self, callback: Callback) -> Callback:
         """Return a callback that a signal may interrupt: failures due to the signal end the node and are not faults.
