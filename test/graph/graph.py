@@ -45,7 +45,8 @@ TINY = {
 """Parameters of a complete run that takes seconds: 1 generation of random controllers, 2 of variation."""
 
 NOT_ALONE = {"discovery_wait": RunOptions.discovery_wait}
-"""Parameters in addition to `TINY` of a run that must find another one in its domain."""
+"""Parameters in addition to `TINY` of a run that must find another one in its domain, or that a probe must find before
+its first states are past."""
 
 
 def tiny(**parameters: Any) -> dict[str, Any]:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 from domain_coordinator import domain_id
-from graph import Graph, Probe, Started, wait_until
+from graph import NOT_ALONE, Graph, Probe, Started, wait_until
 from pga_me_msgs.msg import Progress
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
@@ -36,7 +36,8 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Finished]:
         graph, probe = Graph(domain, folder), Probe(domain)
         try:
             heard = probe.listen(Progress, names.PROGRESS, qos.EXPERIENCE_READER)
-            run = graph.run(folder / "run", "-r", "archive/add:=archive/insert", tensorboard=True)
+            renamed = ("-r", "archive/add:=archive/insert")
+            run = graph.run(folder / "run", *renamed, tensorboard=True, **NOT_ALONE)
             assert run.wait() == 0, run.output
             yield Finished(folder / "run", run, heard)
         finally:
