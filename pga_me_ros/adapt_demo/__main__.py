@@ -30,11 +30,11 @@ from pga_me_ros.adapt_demo.story import (
 )
 from pga_me_ros.client import Adapter
 from pga_me_ros.errors import PgaError
-from pga_me_ros.process.dismantling import dismantling
 from pga_me_ros.process.program import run_program
 from pga_me_ros.process.streams import tell
 from pga_me_ros.ros import names
 from pga_me_ros.ros.command_line import Program, start
+from pga_me_ros.ros.spinning import EndingNode
 
 PROGRAM = Program("adapt_demo", "A robot that adapts.", ())
 
@@ -114,7 +114,7 @@ def adapter_of(plan: Plan) -> Iterator[tuple[Adapter, Companions]]:
     start(PROGRAM, remap, signal_handler_options=SignalHandlerOptions.NO)
     try:
         with tempfile.TemporaryDirectory(prefix="adapt_demo-") as folder:
-            node = rclpy.create_node("robot")
+            node = EndingNode("robot")
             adapter, info = Adapter(node), node.create_client(GetInfo, names.GET_INFO)
             companions = Companions(Path(folder), namespace, (info, *adapter.clients))
             try:
@@ -127,8 +127,7 @@ def adapter_of(plan: Plan) -> Iterator[tuple[Adapter, Companions]]:
                 yield adapter, companions
             finally:
                 companions.close()
-                with dismantling():
-                    node.destroy_node()
+                node.destroy_node()
     finally:
         rclpy.try_shutdown()
 

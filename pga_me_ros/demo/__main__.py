@@ -20,11 +20,11 @@ from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 
 from pga_me_ros.demo.arguments import Arguments
-from pga_me_ros.process.dismantling import dismantling
 from pga_me_ros.process.signals import Signals
 from pga_me_ros.ros import names, qos
 from pga_me_ros.ros.environment import prepare_environment
 from pga_me_ros.ros.process import report
+from pga_me_ros.ros.spinning import EndingNode
 
 PR_SET_PDEATHSIG = 1
 """From Linux's prctl.h."""
@@ -76,7 +76,7 @@ def listening(pid: int, remaps: Sequence[str]) -> Iterator[threading.Event]:
     event = threading.Event()
     rclpy.init(args=["demo", "--ros-args", *remaps], signal_handler_options=SignalHandlerOptions.NO)
     # A node name given on the command line is the orchestrator's, not ours.
-    node = rclpy.create_node("demo", cli_args=["--ros-args", "-r", "__node:=demo"])
+    node = EndingNode("demo", cli_args=["--ros-args", "-r", "__node:=demo"])
 
     def hear(msg: Progress) -> None:
         if (msg.host, msg.pid) == (socket.gethostname(), pid) and msg.state == "finished":
@@ -97,8 +97,7 @@ def listening(pid: int, remaps: Sequence[str]) -> Iterator[threading.Event]:
     finally:
         executor.shutdown()
         thread.join()
-        with dismantling():
-            node.destroy_node()
+        node.destroy_node()
         rclpy.try_shutdown()
 
 

@@ -25,10 +25,10 @@ from pga_me_ros.explorer.served_archive import served_archive, spec_of
 from pga_me_ros.explorer.source import FORMATS, require_shown
 from pga_me_ros.explorer.steering import ACTIONS, Steering
 from pga_me_ros.player.gait import Gait
-from pga_me_ros.process.dismantling import dismantling
 from pga_me_ros.query.saving import require_savable, save
 from pga_me_ros.ros.command_line import Program, start
 from pga_me_ros.ros.node_names import require_valid_namespace
+from pga_me_ros.ros.spinning import EndingNode
 
 PROGRAM = Program("explorer", "Shows a repertoire in the browser.", ())
 
@@ -82,7 +82,7 @@ class GraphSource:
     """
 
     def __init__(self, namespace: str) -> None:
-        self._node = rclpy.create_node(PROGRAM.name, namespace=namespace or None)
+        self._node = EndingNode(PROGRAM.name, namespace=namespace or None)
         self._client = RepertoireClient(self._node)
         self._watch = RunWatch(self._node)
         self._history = History()
@@ -148,8 +148,7 @@ class GraphSource:
         """See `Source`."""
         rclpy.try_shutdown()
         self._spinning.join(5.0)
-        with dismantling():
-            self._node.destroy_node()
+        self._node.destroy_node()
 
     def _require_namespace(self, namespace: str) -> None:
         """Make sure that no remapping has put the node elsewhere."""

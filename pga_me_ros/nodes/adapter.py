@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
-import rclpy
 from pga_me_msgs.msg import AdaptationEstimate
 from pga_me_msgs.msg import Metrics as MetricsMsg
 from pga_me_msgs.srv import GetAdaptation, GetBehavior, NextTrial, ReportTrial, StartAdaptation
@@ -19,7 +18,6 @@ from pga_me_ros.core.adaptation.adaptation_settings import AdaptationSettings
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.core.settings.field import setting
 from pga_me_ros.errors import RequestError, StorageError
-from pga_me_ros.process.dismantling import dismantling
 from pga_me_ros.ros import names, qos
 from pga_me_ros.ros.command_line import Program
 from pga_me_ros.ros.graph_node import GraphNode
@@ -27,6 +25,7 @@ from pga_me_ros.ros.namesakes import STOP_OR_MOVE, leave_to_elders
 from pga_me_ros.ros.options import RunOptions
 from pga_me_ros.ros.parameters import declare
 from pga_me_ros.ros.process import run_node
+from pga_me_ros.ros.spinning import EndingNode
 
 
 @dataclass(frozen=True)
@@ -59,7 +58,7 @@ class Adapter(GraphNode):
         self._worlds = RunWorlds.load(values["worlds"]) if values["worlds"] else None
         memory = Path(values["memory"])
         self._memory, self._lock = Memory(memory), lock(memory)
-        self._asking = rclpy.create_node(
+        self._asking = EndingNode(
             f"{self.get_name()}_asks", namespace=self.get_namespace(), context=self.context
         )
         self._repertoire = RepertoireLink(self._asking)
@@ -253,8 +252,7 @@ class Adapter(GraphNode):
         """Close the memory, then destroy both nodes."""
         self._memory.close()
         self._lock.release()
-        with dismantling():
-            self._asking.destroy_node()
+        self._asking.destroy_node()
         super().destroy_node()
 
 

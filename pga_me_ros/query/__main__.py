@@ -15,11 +15,11 @@ from pga_me_ros.arguments import ArgumentParser
 from pga_me_ros.client import Behavior, FoundBehavior, RepertoireClient, RepertoireInfo
 from pga_me_ros.errors import RequestError
 from pga_me_ros.paths import user_path
-from pga_me_ros.process.dismantling import dismantling
 from pga_me_ros.process.program import run_program
 from pga_me_ros.query.saving import require_savable, save
 from pga_me_ros.query.table import as_json, table
 from pga_me_ros.ros.command_line import Program, start
+from pga_me_ros.ros.spinning import EndingNode
 
 ROS_ARGS = "--ros-args"
 
@@ -99,12 +99,11 @@ def client(ros_args: Sequence[str], timeout: float) -> Iterator[RepertoireClient
     """Provide a client on a node of its own."""
     start(PROGRAM, list(ros_args), signal_handler_options=SignalHandlerOptions.NO)
     try:
-        node = rclpy.create_node("query")
+        node = EndingNode("query")
         try:
             yield RepertoireClient(node, timeout=timeout)
         finally:
-            with dismantling():
-                node.destroy_node()
+            node.destroy_node()
     finally:
         rclpy.try_shutdown()
 

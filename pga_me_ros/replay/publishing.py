@@ -14,11 +14,11 @@ from rclpy.qos import QoSProfile
 from rclpy.signals import SignalHandlerOptions
 
 from pga_me_ros.errors import RequestError
-from pga_me_ros.process.dismantling import dismantling
 from pga_me_ros.recording.bag import read_bag, topics
 from pga_me_ros.recording.definitions import type_name
 from pga_me_ros.ros import qos
 from pga_me_ros.ros.command_line import Program, start
+from pga_me_ros.ros.spinning import EndingNode
 
 OFFERED: dict[str, tuple[type, QoSProfile]] = {
     type_name(Transitions): (Transitions, qos.EXPERIENCE_READER),
@@ -64,7 +64,7 @@ def publish(bag: Path, rate: float, wait: float, ros_args: Sequence[str]) -> str
             f"'{bag}' holds none of the types that `record` records: {', '.join(OFFERED)}."
         )
     start(PROGRAM, ros_args, signal_handler_options=SignalHandlerOptions.NO)
-    node = rclpy.create_node("replay")
+    node = EndingNode("replay")
     try:
         publishers = {
             topic: node.create_publisher(OFFERED[kind][0], topic, OFFERED[kind][1])
@@ -77,8 +77,7 @@ def publish(bag: Path, rate: float, wait: float, ros_args: Sequence[str]) -> str
         for publisher in publishers.values():
             publisher.wait_for_all_acked(Duration(seconds=LINGER))
     finally:
-        with dismantling():
-            node.destroy_node()
+        node.destroy_node()
         rclpy.try_shutdown()
     return f"published {count} messages in {seconds:.1f} s on {', '.join(known)}"
 

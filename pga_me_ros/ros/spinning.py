@@ -25,6 +25,8 @@ C++ library of the wheel overflows when it computes with it, and polls without a
 class EndingNode(Node):
     """A node that can end its own spinning without an exception in a callback, which the executor would log as a fault.
 
+    Its process ends, too, when ROS 2 does not get done with destroying it.
+
     Attributes:
         outcome: Why spinning ends, None while it spins.
     """
@@ -43,7 +45,7 @@ class EndingNode(Node):
             executor.create_task(lambda: None)  # wakes the executor
 
     def destroy_node(self) -> None:
-        """Destroy the node; the process ends if ROS 2 does not get done with it."""
+        """Destroy the node, within the time that `dismantling` allows."""
         with dismantling():
             super().destroy_node()
 

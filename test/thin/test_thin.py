@@ -259,29 +259,34 @@ def test_without_re_evaluations_nothing_is_thinned(
     assert "were re-evaluated twice or more" in capsys.readouterr().err
 
 
-@pytest.fixture
-def archive() -> Archive:
-    """Forty elites along a line, in cells of their own."""
-    places = (np.arange(40)[:, None] + 0.5) / 40
-    archive = CvtArchive(places, (0.0,), (1.0,), 1)
+def archive_of(places: np.ndarray) -> Archive:
+    """Return an archive of the unit box with an elite at each of (n, d) places, in cells of their own."""
+    n, d = places.shape
+    archive = CvtArchive(places, (0.0,) * d, (1.0,) * d, 1)
     archive.add(
         Solutions.of(
-            fitness=np.zeros(40),
+            fitness=np.zeros(n),
             descriptors=places,
-            parameters=np.zeros((40, 1)),
-            evaluations=range(40),
+            parameters=np.zeros((n, 1)),
+            evaluations=range(n),
         )
     )
     return archive
 
 
+@pytest.fixture
+def archive() -> Archive:
+    """Forty elites along a line."""
+    return archive_of((np.arange(40)[:, None] + 0.5) / 40)
+
+
 def known(archive: Archive, fitness: np.ndarray, falls: np.ndarray, spread: float) -> Statistics:
     return Statistics(
-        np.full(40, 10),
+        np.full(archive.cells, 10),
         fitness,
-        np.ones(40),
+        np.ones(archive.cells),
         archive.descriptors.copy(),
-        np.full((40, 1), spread),
+        np.full(archive.descriptors.shape, spread),
         falls,
     )
 
@@ -298,19 +303,8 @@ def test_as_many_as_wanted_are_kept_though_only_a_part_of_the_space_is_covered(
 def test_few_elites_in_a_space_of_many_dimensions_are_thinned_to_as_many_as_wanted() -> None:
     rng = np.random.default_rng(0)
     places = 0.5 + 0.1 * rng.random((200, 4))  # a ten-thousandth of the box
-    archive = CvtArchive(places, (0.0,) * 4, (1.0,) * 4, 1)
-    archive.add(
-        Solutions.of(
-            fitness=np.zeros(200),
-            descriptors=places,
-            parameters=np.zeros((200, 1)),
-            evaluations=range(200),
-        )
-    )
-    fitness = rng.random(200)
-    steady = Statistics(
-        np.full(200, 10), fitness, np.ones(200), places, np.zeros((200, 4)), np.zeros(200)
-    )
+    archive, fitness = archive_of(places), rng.random(200)
+    steady = known(archive, fitness, np.zeros(200), 0.0)
     kept = thinned(archive, steady, Thinning(50))
     assert kept.coverage == 50
     owners = kept.cell_of(places)
