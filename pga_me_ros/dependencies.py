@@ -76,9 +76,12 @@ ROS_PACKAGES = {
 
 OWN_MESSAGES = "pga_me_msgs"
 
+BUILD = "colcon build --base-paths . msg_defs && . install/setup.bash"
+"""What builds both packages in a checkout."""
+
 
 class MissingDependencyError(PgaError):
-    """A Python package that a feature needs is not installed."""
+    """A Python package that a feature needs is not installed, or an older one is."""
 
 
 def missing(name: str, purpose: str = "") -> MissingDependencyError:
@@ -90,8 +93,7 @@ def missing(name: str, purpose: str = "") -> MissingDependencyError:
     """
     root = name.partition(".")[0]
     if root == OWN_MESSAGES:
-        build = "colcon build --base-paths . msg_defs && . install/setup.bash"
-        return _error("The message package pga_me_msgs", purpose, _in_setup(build))
+        return _error("The message package pga_me_msgs", purpose, _in_setup(BUILD))
     if root in ROS_PACKAGES:
         if root != name:  # the package is there, its compiled part is not
             return MissingDependencyError(
@@ -103,6 +105,19 @@ def missing(name: str, purpose: str = "") -> MissingDependencyError:
         return _error(f"{root} of ROS 2", purpose, _in_setup(apt))
     package = PACKAGES.get(root, Package(f"The Python package '{root}'", root, ""))
     return _error(package.title, purpose or package.purpose, _command(package))
+
+
+def outdated(name: str, difference: str) -> MissingDependencyError:
+    """Return the error that says in one line that an older package is installed and which command builds it again.
+
+    Args:
+        name: The package.
+        difference: How it differs.
+    """
+    command = _in_setup(BUILD, "make messages")
+    return MissingDependencyError(
+        f"The installed {name} is not of this version: {difference}; build it again with: {command}"
+    )
 
 
 def imported(*names: str, purpose: str = "") -> ModuleType:
@@ -142,6 +157,8 @@ def missing_dependency(error: BaseException) -> MissingDependencyError | None:
     Args:
         error: Any exception; a missing module of this package is a fault and no missing dependency.
     """
+    if isinstance(error, MissingDependencyError):
+        return error
     if not isinstance(error, ModuleNotFoundError) or not error.name:
         return None
     root = error.name.partition(".")[0]
@@ -170,9 +187,9 @@ def _error(title: str, purpose: str, command: str) -> MissingDependencyError:
     return MissingDependencyError(f"{title} is not installed{needed}; install it with: {command}")
 
 
-def _in_setup(command: str) -> str:
-    """Return the command, or in an environment that scripts/setup.sh made the one that makes it anew."""
-    return "rm -r .venv && make setup" if (Path(sys.prefix) / ".stamps").is_dir() else command
+def _in_setup(command: str, there: str = "rm -r .venv && make setup") -> str:
+    """Return the command, or in an environment that scripts/setup.sh made the one that mends it, there."""
+    return there if (Path(sys.prefix) / ".stamps").is_dir() else command
 
 
 def _command(package: Package) -> str:

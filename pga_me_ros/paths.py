@@ -1,9 +1,10 @@
-"""Paths as users write them: ``~`` is a home folder, also where no shell has expanded it."""
+"""Paths as users write them, with ``~`` for a home folder also where no shell expanded it; where ROS 2 installs."""
 
 from __future__ import annotations
 
 import os
 import re
+import sys
 import zlib
 from pathlib import Path
 
@@ -41,3 +42,9 @@ def file_name(text: str) -> str:
     """
     safe = re.sub(r"[^\w.-]", "_", text)
     return safe if safe == text else f"{safe}-{zlib.crc32(text.encode()):08x}"
+
+
+def install_prefixes() -> list[Path]:
+    """Return the folders that ROS 2 packages are installed below, in the order in which they are searched."""
+    prefixes = [*os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep), sys.prefix]
+    return [Path(prefix) for prefix in prefixes if prefix]

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 
 import pytest
 
 from pga_me_ros import nodes
 from pga_me_ros.dependencies import EXIT_BAD_INPUT, missing, missing_dependency
+from pga_me_ros.ros.own_messages import DEFINITIONS
 
 HIDE = """
 import os
@@ -29,6 +32,21 @@ PathFinder.find_spec = find_all_but_hidden
 """Run at the start of each Python: one package is then not found, as if it were not installed."""
 
 
+def run_with(
+    folder: Path, environment: dict[str, str], *command: str
+) -> subprocess.CompletedProcess[str]:
+    """Run a command in a folder, with variables on top of those of the environment."""
+    return subprocess.run(
+        command,
+        cwd=folder,
+        env={**os.environ, **environment},
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+
+
 @pytest.fixture
 def hiding(tmp_path: Path):
     """Return a function that runs a command in whose processes a package is not installed."""
@@ -37,19 +55,8 @@ def hiding(tmp_path: Path):
 
     def run(hidden: str, *command: str) -> subprocess.CompletedProcess[str]:
         paths = [str(tmp_path / "site"), os.environ.get("PYTHONPATH", "")]
-        return subprocess.run(
-            command,
-            cwd=tmp_path,
-            env={
-                **os.environ,
-                "HIDDEN": hidden,
-                "PYTHONPATH": os.pathsep.join(filter(None, paths)),
-            },
-            capture_output=True,
-            text=True,
-            timeout=120,
-            check=False,
-        )
+        pythonpath = os.pathsep.join(filter(None, paths))
+        return run_with(tmp_path, {"HIDDEN": hidden, "PYTHONPATH": pythonpath}, *command)
 
     return run
 
@@ -181,3 +188,39 @@ def test_a_package_that_nobody_foresaw_is_named() -> None:
     assert str(missing("servo.driver")) == (
         "The Python package 'servo' is not installed; install it with: pip install servo"
     )
+
+
+OLDER = "The installed pga_me_msgs is not of this version: its Evaluate.srv is not that of "
+
+
+@pytest.fixture
+def with_older_messages(tmp_path: Path):
+    """Return a function that runs Python where an older build of the messages is found: one lacks a field."""
+    share = tmp_path / "older/share/pga_me_msgs"
+    shutil.copytree(DEFINITIONS, share)
+    definition = share / "srv/Evaluate.srv"
+    lines = definition.read_text().splitlines(keepends=True)
+    kept = [line for line in lines if "exploration_correlation" not in line]
+    assert len(kept) < len(lines)
+    definition.write_text("".join(kept))
+    prefixes = [str(tmp_path / "older"), os.environ.get("AMENT_PREFIX_PATH", "")]
+    environment = {"AMENT_PREFIX_PATH": os.pathsep.join(filter(None, prefixes))}
+    return partial(run_with, tmp_path, environment, sys.executable)
+
+
+@pytest.mark.parametrize("program", [f"{NODE}orchestrator", f"{NODE}evaluator", f"{PROGRAM}query"])
+def test_a_program_with_an_older_build_of_the_messages_ends_with_one_line(
+    with_older_messages, program: str
+) -> None:
+    done = with_older_messages("-m", program)
+    assert (done.returncode, done.stdout) == (EXIT_BAD_INPUT, "")
+    (line,) = done.stderr.splitlines()
+    assert line.startswith(f"error: {OLDER}")
+    assert "; build it again with: " in line
+
+
+def test_the_program_of_a_user_learns_of_an_older_build_from_the_error(with_older_messages) -> None:
+    done = with_older_messages("-c", "import pga_me_ros.client")
+    assert done.returncode == 1
+    last = done.stderr.splitlines()[-1]
+    assert last.startswith(f"pga_me_ros.dependencies.MissingDependencyError: {OLDER}")

@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 from pga_me_ros.dependencies import EXIT_BAD_INPUT
+from pga_me_ros.paths import install_prefixes
 
 ASKED_BY = ("RMW_IMPLEMENTATION", "RCL_ASSERT_RMW_ID_MATCHES")
 INDEX = Path("share", "ament_index", "resource_index", "rmw_typesupport")
@@ -38,6 +39,5 @@ def require_middleware() -> None:
 
 def _installed() -> set[str]:
     """Return the names of the middlewares in the ament index; empty if there is no index."""
-    prefixes = [*os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep), sys.prefix]
-    folders = [Path(prefix) / INDEX for prefix in prefixes if prefix]
+    folders = [prefix / INDEX for prefix in install_prefixes()]
     return {f.name for folder in folders if folder.is_dir() for f in folder.iterdir()} - {CHOOSER}

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import os
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 from pga_me_ros.errors import StorageError, nearest_name
-from pga_me_ros.paths import user_path
+from pga_me_ros.paths import install_prefixes, user_path
 
 ZOO = "zoo"
 """First part of the name of a shipped repertoire."""
@@ -74,6 +73,5 @@ def _places() -> Iterator[Path]:
         user_path(place) for place in os.environ.get(VARIABLE, "").split(os.pathsep) if place
     )
     yield Path(__file__).resolve().parents[3] / FOLDER  # a checkout
-    prefixes = [p for p in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if p]
-    for prefix in [*prefixes, sys.prefix]:
-        yield Path(prefix) / "share" / _PACKAGE / FOLDER
+    for prefix in install_prefixes():
+        yield prefix / "share" / _PACKAGE / FOLDER
