@@ -36,6 +36,7 @@ from pga_me_ros.core.storage.shipped import REPERTOIRE, ZOO, shipped
 from pga_me_ros.process.early_signals import hand_over
 from pga_me_ros.ros.environment import prepare_environment
 from pga_me_ros.ros.process import report
+from pga_me_ros.ros.spinning import EndingNode
 from pga_me_ros.tasks.protocol import Task
 from pga_me_ros.tasks.registry import make_task
 from pga_me_ros.tasks.rollout import Episode, rollout
@@ -280,12 +281,13 @@ def _row(what: str, fitness: float, descriptor: np.ndarray) -> str:
 def main() -> int:
     """Run the robot once."""
     started = False
+    node: EndingNode | None = None
     try:
         prepare_environment()
         hand_over()
         rclpy.init()
         started = True
-        node = rclpy.create_node("demo_robot", cli_args=["--ros-args", "-r", "__node:=demo_robot"])
+        node = EndingNode("demo_robot", cli_args=["--ros-args", "-r", "__node:=demo_robot"])
         return ask_and_run(RepertoireClient(node), node)
     except (KeyboardInterrupt, ExternalShutdownException):
         return 0
@@ -293,6 +295,8 @@ def main() -> int:
         # Ctrl-C ends ROS 2 first; failures after that are a consequence.
         return 0 if started and not rclpy.ok() else report(error)
     finally:
+        if node is not None:
+            node.destroy_node()
         rclpy.try_shutdown()
 
 
