@@ -1,4 +1,4 @@
-"""Controllers of an existing repertoire with which a run starts, instead of random ones.
+"""Controllers of existing repertoires with which a run starts, instead of random ones.
 
 They are evaluated as the run's first solutions, with its own seed, for its own archive and experience; their earlier
 fitness does not count. The run keeps a copy of them, so that resuming does not depend on their source; their digest is
@@ -20,7 +20,8 @@ from pga_me_ros.core.settings import Settings
 from pga_me_ros.core.storage.npz import FORMAT, load_arrays, save_arrays
 from pga_me_ros.core.storage.stored_run import StoredRun, is_exported, repertoire_file
 from pga_me_ros.core.variation.imported_controllers import Controllers, identity
-from pga_me_ros.errors import StorageError
+from pga_me_ros.errors import SettingsError, StorageError
+from pga_me_ros.paths import user_path
 from pga_me_ros.tasks.spec import TaskSpec
 
 COPY = "start_from.npz"
@@ -62,6 +63,22 @@ def read_controllers(path: Path, spec: TaskSpec, shape: MlpShape) -> Controllers
     return _checked(file, parameters, shape)
 
 
+def sources(text: str) -> list[Path]:
+    """Return the runs or files that the setting ``start_from`` names: one, or several separated by commas.
+
+    Raises:
+        SettingsError: Nothing stands between two commas, or before or after one.
+    """
+    if Path(text).exists():  # its own name may hold a comma
+        return [Path(text)]
+    names = [name.strip() for name in text.split(",")]
+    if not all(names):
+        raise SettingsError(
+            f"start_from is '{text}'; expected a run or an exported file, or several separated by commas."
+        )
+    return [user_path(name) for name in names]
+
+
 def take_controllers(
     folder: Path, spec: TaskSpec, settings: Settings, shape: MlpShape, *, new: bool
 ) -> Controllers:
@@ -75,9 +92,10 @@ def take_controllers(
         new: Whether the run is yet to be created.
 
     Returns:
-        (n, P) float32, n = 0 if the settings name none.
+        (n, P) float32, one source after the other; n = 0 if the settings name none.
 
     Raises:
+        SettingsError: As for `sources`.
         StorageError: As for `read_controllers`; also if the copy is damaged or cannot be written.
     """
     if not settings.start_from:
@@ -88,7 +106,8 @@ def take_controllers(
         kept = _checked(copy, arrays.get("parameters", np.empty(0)), shape)
         if settings.start_from in (str(arrays.get("source")), identity(kept)):
             return kept
-    controllers = read_controllers(Path(settings.start_from), spec, shape)
+    read = [read_controllers(source, spec, shape) for source in sources(settings.start_from)]
+    controllers = np.concatenate(read)
     if new:
         contents = {"source": np.array(settings.start_from), "parameters": controllers}
         save_arrays(copy, {"format": np.array(COPY_FORMAT), **contents})

@@ -60,7 +60,8 @@ class RunSettings:
     )
     start_from: str = setting(
         "",
-        "Run or exported .npz file whose controllers are evaluated first, in place of random ones; empty for none.",
+        "Run or exported .npz file whose controllers are evaluated first, in place of random ones; several are "
+        "separated by commas; empty for none.",
         path=True,
     )
     batch_size: int = setting(

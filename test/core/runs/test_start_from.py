@@ -15,7 +15,7 @@ from pga_me_ros.core.archive.elites import NO_PARENT
 from pga_me_ros.core.networks.shapes import controller_shape
 from pga_me_ros.core.operators import Operator
 from pga_me_ros.core.runs.run_directory import RunDirectory, open_run
-from pga_me_ros.core.runs.start_from import COPY, read_controllers
+from pga_me_ros.core.runs.start_from import COPY, read_controllers, sources
 from pga_me_ros.core.search import Search
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.core.storage.npz import (
@@ -26,7 +26,7 @@ from pga_me_ros.core.storage.npz import (
 )
 from pga_me_ros.core.storage.repertoire import Repertoire
 from pga_me_ros.core.storage.stored_run import REPERTOIRE
-from pga_me_ros.errors import StorageError
+from pga_me_ros.errors import SettingsError, StorageError
 from pga_me_ros.tasks.registry import make_task, task_spec
 
 SPEC = task_spec("qd_hopper")
@@ -151,6 +151,56 @@ def test_other_controllers_make_another_run(
         start(tmp_path / "run", other)
     with pytest.raises(StorageError, match="start_from: sha256:"):
         start(tmp_path / "run", "")
+
+
+def test_a_run_starts_from_several_one_after_the_other(
+    hopper_run: Path, new_run: Callable[..., Path], tmp_path: Path, elites: np.ndarray
+) -> None:
+    other = new_run(seed=6)
+    of_other = read_controllers(other, SPEC, SHAPE)
+    assert not np.array_equal(of_other, elites)
+    both = start(tmp_path / "run", f"{hopper_run}, {other}")
+    assert np.array_equal(both.imported, np.concatenate([elites, of_other]))
+    assert start(tmp_path / "run", f"{hopper_run},{other}").run_id == both.run_id
+    with pytest.raises(StorageError, match=r"start_from: sha256:\w+ != sha256:"):
+        start(
+            tmp_path / "run", f"{other}, {hopper_run}"
+        )  # other starts: an evaluation's depends on its number
+
+
+def test_a_source_may_have_a_comma_in_its_name(
+    hopper_run: Path, tmp_path: Path, elites: np.ndarray
+) -> None:
+    source = tmp_path / "walks, fast"
+    shutil.copytree(hopper_run, source)
+    assert np.array_equal(start(tmp_path / "run", source).imported, elites)
+
+
+def test_each_of_several_sources_is_a_path_of_its_own(
+    hopper_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("HOME", str(tmp_path))
+    named = sources(f"zoo/qd_hopper, {hopper_run},~/another.npz")
+    assert named == [Path("zoo/qd_hopper"), hopper_run, tmp_path / "another.npz"]
+
+
+@pytest.mark.parametrize(
+    ("second", "error", "words"),
+    [
+        ("", SettingsError, "expected a run or an exported file, or several separated by commas"),
+        (",{run}", SettingsError, "expected a run or an exported file, or several separated"),
+        ("lost", StorageError, "There is no repertoire 'lost'"),
+        ("zoo/qd_walker", StorageError, "are of task 'qd_walker', but this run's task is"),
+        ("zoo/qd_hoper", StorageError, r"no repertoire 'zoo/qd_hoper' \(did you mean 'zoo/qd_hop"),
+    ],
+)
+def test_each_of_several_sources_is_checked(
+    hopper_run: Path, tmp_path: Path, second: str, error: type[Exception], words: str
+) -> None:
+    text = f"{hopper_run}, {second.format(run=hopper_run)}"
+    with pytest.raises(error, match=words):
+        start(tmp_path / "run", text)
+    assert not (tmp_path / "run" / REPERTOIRE).exists()
 
 
 def test_a_damaged_copy_is_refused(hopper_run: Path, tmp_path: Path) -> None:
