@@ -13,7 +13,7 @@ from pga_me_ros.ros.dds_choices import PROFILES, QOS_FROM_PROFILES
 from pga_me_ros.tasks.registry import load_task
 
 LARGEST_SEGMENT = """
-import os, rclpy
+import rclpy
 from pathlib import Path
 from pga_me_ros.ros.environment import prepare_environment
 
@@ -21,8 +21,10 @@ prepare_environment()
 rclpy.init()
 node = rclpy.create_node("spacious")
 lines = Path("/proc/self/maps").read_text().splitlines()
-files = {line.split()[-1] for line in lines if "/dev/shm/fastrtps_" in line and "_port" not in line}
-print(max(os.path.getsize(file) for file in files))
+segments = [line.split()[0] for line in lines if "/dev/shm/fastrtps_" in line and "_port" not in line]
+# The mapping counts, not its file, whose name another participant may just be tidying up.
+bounds = [[int(address, 16) for address in segment.split("-")] for segment in segments]
+print(max(end - begin for begin, end in bounds))
 rclpy.shutdown()
 """
 
