@@ -1,9 +1,12 @@
 """Whether a repertoire keeps its promises: asks for descriptors, and runs the answers from starts never seen.
 
-Run: `.venv/bin/python bench/promises.py zoo/qd_hopper [--asked 200] [--starts 10] [--max-fall-share 0.05]`; the last
-line is JSON. The descriptors are drawn uniformly from the covered region: from the box around what the behaviors
-promise, less what is farther than `NEAR` from all of them. The promise is what the answer says: the mean of the
-behavior's re-evaluations where it has some. Distances are in shares of the descriptor's range.
+Run: `.venv/bin/python bench/promises.py zoo/qd_hopper [--asked 200] [--starts 10] [--max-fall-share 0.05] [--actor]`;
+the last line is JSON. The descriptors are drawn uniformly from the covered region: from the box around what the
+behaviors promise, less what is farther than `NEAR` from all of them. The promise is what the answer says: the mean of
+the behavior's re-evaluations where it has some. Distances are in shares of the descriptor's range.
+
+With ``--actor``, the actor of a run of DCRL-MAP-Elites gets the descriptors, and what it achieves stands next to the
+same promises.
 """
 
 from __future__ import annotations
@@ -22,8 +25,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pga_me_ros.core.archive.choosing import Demands, Judging
+from pga_me_ros.core.networks.conditioned import ConditionedActor
 from pga_me_ros.library import StoredRun
 from pga_me_ros.tasks.registry import make_task
+from pga_me_ros.tasks.rollout import rollout
 
 NEAR = 0.05
 """Greatest distance of a descriptor that is asked for from one that is promised, in shares of the range."""
@@ -38,6 +43,7 @@ class Answer:
         promised_falls: Share of falls that the answer says.
         asked_to_promised: Distance between the descriptors.
         promised_to_achieved: Distance between the descriptors, one per start.
+        asked_to_achieved: Distance between the descriptors, one per start.
         fitness: Achieved, one per start.
         falls: Number of episodes that ended in a fall.
     """
@@ -46,6 +52,7 @@ class Answer:
     promised_falls: float
     asked_to_promised: float
     promised_to_achieved: list[float]
+    asked_to_achieved: list[float]
     fitness: list[float]
     falls: int
 
@@ -72,24 +79,35 @@ def asked_for(
     return np.array(drawn)
 
 
+@cache
+def actor_of(name: str) -> ConditionedActor:
+    """Read the actor of a run, once in each process."""
+    return loaded(name).actor()
+
+
 def answer(
-    name: str, max_fall_share: float | None, descriptor: list[float], seeds: range
+    name: str, max_fall_share: float | None, with_actor: bool, descriptor: list[float], seeds: range
 ) -> Answer:
-    """Ask for a descriptor, and run the behavior from as many starts as there are seeds."""
+    """Ask for a descriptor, and run the behavior, or the actor, from as many starts as there are seeds."""
     run = loaded(name)
     extent = np.subtract(run.spec.descriptor_high, run.spec.descriptor_low)
     gait = run.choose(descriptor=descriptor, max_fall_share=max_fall_share)
+    controller = actor_of(name).at(descriptor) if with_actor else gait.controller
     task = make_task(run.settings.task, run.settings.randomization)
     try:
-        episodes = [run.rollout(gait, seed, task) for seed in seeds]
+        episodes = [rollout(task, controller, np.random.default_rng(seed)) for seed in seeds]
     finally:
         task.close()
-    away = [(e.descriptor - gait.promised_descriptor) / extent for e in episodes]
+
+    def away(place: NDArray[np.float64]) -> list[float]:
+        return [float(np.linalg.norm((e.descriptor - place) / extent)) for e in episodes]
+
     return Answer(
         gait.promised_fitness,
         gait.fall_share if gait.by_mean else float("nan"),
         gait.distance,
-        [float(np.linalg.norm(a)) for a in away],
+        away(gait.promised_descriptor),
+        away(np.array(descriptor)),
         [e.fitness for e in episodes],
         sum(e.terminated for e in episodes),
     )
@@ -102,6 +120,7 @@ def main() -> None:
     parser.add_argument("--asked", type=int, default=200)
     parser.add_argument("--starts", type=int, default=10)
     parser.add_argument("--max-fall-share", type=float)
+    parser.add_argument("--actor", action="store_true")
     parser.add_argument("--seed", type=int, default=0)
     asked = parser.parse_args()
     demands = Demands(
@@ -120,6 +139,7 @@ def main() -> None:
                 answer,
                 [asked.run] * asked.asked,
                 [asked.max_fall_share] * asked.asked,
+                [asked.actor] * asked.asked,
                 descriptors.tolist(),
                 seeds,
             )
@@ -134,6 +154,9 @@ def main() -> None:
         "median distance from promised to achieved descriptor": np.median(
             [a.promised_to_achieved for a in answers]
         ),
+        "median distance from asked to achieved descriptor": np.median(
+            [a.asked_to_achieved for a in answers]
+        ),
         "median promised fitness": np.median([a.promised_fitness for a in answers]),
         "median achieved fitness": np.median([a.fitness for a in answers]),
         "median share of the promised fitness that was achieved": np.median(shares),
@@ -147,6 +170,7 @@ def main() -> None:
             {
                 "bench": "promises",
                 "run": asked.run,
+                "actor": asked.actor,
                 "figures": {k: float(v) for k, v in figures.items()},
             }
         )
