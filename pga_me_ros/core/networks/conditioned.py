@@ -115,7 +115,7 @@ def folded(
 
 
 class ConditionedActor:
-    """One network that walks in every way the archive knows: observation and wanted descriptor in, action out.
+    """One network for all behaviors: observation and wanted descriptor in, action out.
 
     Args:
         robot: Task that it was trained for.

@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pga_me_ros import StoredRun
+from pga_me_ros import StoredRun, make_task
 from pga_me_ros.core.storage.shipped import shipped
+from pga_me_ros.tasks.rollout import rollout
 
 FOLDERS = list(shipped().values())
 MOST_BYTES = 10_000_000
@@ -42,3 +43,16 @@ def test_its_best_behavior_achieves_from_new_starts_what_it_promises(folder: Pat
     assert fitness >= 0.9 * best.promised_fitness
     achieved = np.median([episode.descriptor for episode in episodes], axis=0)
     assert np.linalg.norm((achieved - best.promised_descriptor) / run.archive.extent) <= 0.05
+
+
+def test_its_actor_knows_the_best_gait(folder: Path) -> None:
+    run = StoredRun.load(f"zoo/{folder.name}")
+    best = run.choose(max_fall_share=0.05)
+    controller = run.actor().at(best.promised_descriptor)
+    task = make_task(run.settings.task)
+    episodes = [
+        rollout(task, controller, np.random.default_rng(seed)) for seed in (1001, 1002, 1003)
+    ]
+    task.close()
+    assert np.median([episode.fitness for episode in episodes]) >= 0.75 * best.promised_fitness
+    assert not any(episode.terminated for episode in episodes)
