@@ -81,7 +81,7 @@ BUILD = "colcon build --base-paths . msg_defs && . install/setup.bash"
 
 
 class MissingDependencyError(PgaError):
-    """A Python package that a feature needs is not installed, or an older one is."""
+    """A Python package that a feature needs is not installed, or another build of it is."""
 
 
 def missing(name: str, purpose: str = "") -> MissingDependencyError:
@@ -107,16 +107,18 @@ def missing(name: str, purpose: str = "") -> MissingDependencyError:
     return _error(package.title, purpose or package.purpose, _command(package))
 
 
-def outdated(name: str, difference: str) -> MissingDependencyError:
-    """Return the error that says in one line that an older package is installed and which command builds it again.
+def outdated(name: str, build: Path, difference: str) -> MissingDependencyError:
+    """Return the error that says in one line that a package is of another version and which command builds it again.
 
     Args:
         name: The package.
-        difference: How it differs.
+        build: Where it is imported from.
+        difference: What is wrong with it.
     """
-    command = _in_setup(BUILD, "make messages")
+    in_setup = Path(sys.prefix) in build.parents
+    command = _in_setup(BUILD, "make messages") if in_setup else BUILD
     return MissingDependencyError(
-        f"The installed {name} is not of this version: {difference}; build it again with: {command}"
+        f"{name} in '{build}' is not of this version: {difference}; build it again with: {command}"
     )
 
 

@@ -9,10 +9,17 @@ import sys
 from functools import partial
 from pathlib import Path
 
+import pga_me_msgs
 import pytest
 
 from pga_me_ros import nodes
-from pga_me_ros.dependencies import EXIT_BAD_INPUT, missing, missing_dependency
+from pga_me_ros.dependencies import (
+    EXIT_BAD_INPUT,
+    MissingDependencyError,
+    missing,
+    missing_dependency,
+)
+from pga_me_ros.ros import own_messages
 from pga_me_ros.ros.own_messages import DEFINITIONS
 
 HIDE = """
@@ -190,37 +197,74 @@ def test_a_package_that_nobody_foresaw_is_named() -> None:
     )
 
 
-OLDER = "The installed pga_me_msgs is not of this version: its Evaluate.srv is not that of "
-
-
 @pytest.fixture
 def with_older_messages(tmp_path: Path):
     """Return a function that runs Python where an older build of the messages is found: one lacks a field."""
-    share = tmp_path / "older/share/pga_me_msgs"
-    shutil.copytree(DEFINITIONS, share)
-    definition = share / "srv/Evaluate.srv"
-    lines = definition.read_text().splitlines(keepends=True)
-    kept = [line for line in lines if "exploration_correlation" not in line]
-    assert len(kept) < len(lines)
-    definition.write_text("".join(kept))
-    prefixes = [str(tmp_path / "older"), os.environ.get("AMENT_PREFIX_PATH", "")]
-    environment = {"AMENT_PREFIX_PATH": os.pathsep.join(filter(None, prefixes))}
+    older = tmp_path / "older/pga_me_msgs"
+    shutil.copytree(Path(pga_me_msgs.__file__).parent, older)
+    code = older / "srv/_evaluate.py"
+    code.write_text(code.read_text().replace("'exploration_correlation'", "'another_name'"))
+    paths = [str(older.parent), os.environ.get("PYTHONPATH", "")]
+    environment = {"PYTHONPATH": os.pathsep.join(filter(None, paths))}
     return partial(run_with, tmp_path, environment, sys.executable)
+
+
+def words_for(build: Path, lacking: str) -> str:
+    """Return what is said of a build that lacks something; it is outside of the environment that the setup makes."""
+    return (
+        f"pga_me_msgs in '{build}' is not of this version: it lacks {lacking}; build it again with: colcon build "
+        "--base-paths . msg_defs && . install/setup.bash"
+    )
+
+
+LACKING = f"'exploration_correlation' of {DEFINITIONS}/srv/Evaluate.srv"
 
 
 @pytest.mark.parametrize("program", [f"{NODE}orchestrator", f"{NODE}evaluator", f"{PROGRAM}query"])
 def test_a_program_with_an_older_build_of_the_messages_ends_with_one_line(
-    with_older_messages, program: str
+    with_older_messages, tmp_path: Path, program: str
 ) -> None:
     done = with_older_messages("-m", program)
     assert (done.returncode, done.stdout) == (EXIT_BAD_INPUT, "")
-    (line,) = done.stderr.splitlines()
-    assert line.startswith(f"error: {OLDER}")
-    assert "; build it again with: " in line
+    assert done.stderr == f"error: {words_for(tmp_path / 'older/pga_me_msgs', LACKING)}\n"
 
 
-def test_the_program_of_a_user_learns_of_an_older_build_from_the_error(with_older_messages) -> None:
+def test_the_program_of_a_user_learns_of_an_older_build_from_the_error(
+    with_older_messages, tmp_path: Path
+) -> None:
     done = with_older_messages("-c", "import pga_me_ros.client")
     assert done.returncode == 1
-    last = done.stderr.splitlines()[-1]
-    assert last.startswith(f"pga_me_ros.dependencies.MissingDependencyError: {OLDER}")
+    words = words_for(tmp_path / "older/pga_me_msgs", LACKING)
+    assert (
+        done.stderr.splitlines()[-1] == f"pga_me_ros.dependencies.MissingDependencyError: {words}"
+    )
+
+
+def test_each_name_of_each_definition_is_looked_for(tmp_path: Path, monkeypatch) -> None:
+    definitions = tmp_path / "msg_defs"
+    shutil.copytree(DEFINITIONS, definitions)
+    monkeypatch.setattr(own_messages, "DEFINITIONS", definitions)
+    own_messages.require_same_messages()
+    for path, line, lacking in (
+        ("msg/Metrics.msg", "float64[<=3] unheard_of", "'unheard_of'"),
+        ("msg/NodeStatus.msg", "uint8 UNHEARD_OF=7", "'UNHEARD_OF'"),
+        ("srv/GetBehavior.srv", "pga_me_msgs/Controller[] unheard_of  # a comment", "'unheard_of'"),
+        ("msg/UnheardOf.msg", "# nothing yet", "UnheardOf"),
+    ):
+        file = definitions / path
+        before = file.read_text() if file.exists() else None
+        file.write_text(f"{before or ''}\n# a comment alone\n{line}\n")
+        with pytest.raises(
+            MissingDependencyError, match=f"lacks {lacking} of {file}; .* make mess"
+        ):
+            own_messages.require_same_messages()
+        file.unlink()
+        if before is not None:
+            file.write_text(before + "# other words\n")
+    own_messages.require_same_messages()
+    # What stands next to this package may be another's.
+    (definitions / "msg/UnheardOf.msg").touch()
+    (definitions / "package.xml").write_text("<package><name>other_msgs</name></package>")
+    own_messages.require_same_messages()
+    monkeypatch.setattr(own_messages, "DEFINITIONS", tmp_path / "no checkout")
+    own_messages.require_same_messages()

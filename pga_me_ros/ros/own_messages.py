@@ -1,35 +1,52 @@
-"""A check that pga_me_msgs was built from the definitions of this checkout.
+"""A check that the pga_me_msgs that Python imports has all that the definitions of this checkout have.
 
 After a change of ``msg_defs``, of one's own or pulled, an older build lacks fields, which shows late and in odd ways.
 """
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterator
+from importlib.util import find_spec
 from pathlib import Path
 
 from pga_me_ros.dependencies import OWN_MESSAGES, outdated
-from pga_me_ros.paths import install_prefixes
 
 DEFINITIONS = Path(__file__).resolve().parents[2] / "msg_defs"
 """The definitions in a checkout; an installation of this package alone has none."""
 
+_NAME = re.compile(r"^[\w/]+(?:\[[^\]]*\])? +(\w+)", re.MULTILINE)
+"""A field or a constant of a definition: its type, then its name."""
+
 
 def require_same_messages() -> None:
-    """Make sure that the build of pga_me_msgs has this checkout's definitions, where there are a build and a checkout.
+    """Make sure that a build of pga_me_msgs, if there is one, has what this checkout defines, if this is a checkout.
 
     Raises:
-        MissingDependencyError: It has others.
+        MissingDependencyError: It lacks a message, a service, a field or a constant.
     """
-    built = _built()
-    if built is None:
+    spec = find_spec(OWN_MESSAGES)
+    if spec is None or spec.origin is None or not _is_ours():
         return
+    build = Path(spec.origin).parent
     for path in sorted([*DEFINITIONS.glob("msg/*.msg"), *DEFINITIONS.glob("srv/*.srv")]):
-        copy = built / path.relative_to(DEFINITIONS)
-        if not copy.is_file() or copy.read_bytes() != path.read_bytes():
-            raise outdated(OWN_MESSAGES, f"its {path.name} is not that of {DEFINITIONS}")
+        for lacking in _lacking(path, build):
+            raise outdated(OWN_MESSAGES, build, f"it lacks {lacking} of {path}")
 
 
-def _built() -> Path | None:
-    """Return the folder in which the build keeps copies of its definitions; None if there is none."""
-    folders = [prefix / "share" / OWN_MESSAGES for prefix in install_prefixes()]
-    return next((folder for folder in folders if (folder / "package.xml").is_file()), None)
+def _is_ours() -> bool:
+    package = DEFINITIONS / "package.xml"
+    return package.is_file() and f"<name>{OWN_MESSAGES}</name>" in package.read_text()
+
+
+def _lacking(definition: Path, build: Path) -> Iterator[str]:
+    """Yield what the Python code made of a definition does not have; it is only read, as importing all takes longer."""
+    snake = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", definition.stem).lower()
+    made = build / definition.parent.name / f"_{snake}.py"
+    if not made.is_file():
+        yield definition.stem
+        return
+    code = made.read_text()
+    for name in _NAME.findall(definition.read_text()):
+        if f"'{name}'" not in code:
+            yield f"'{name}'"
