@@ -120,9 +120,13 @@ def main() -> None:
     parser.add_argument("--asked", type=int, default=200)
     parser.add_argument("--starts", type=int, default=10)
     parser.add_argument("--max-fall-share", type=float)
-    parser.add_argument("--actor", action="store_true")
+    parser.add_argument(
+        "--actor", action="store_true", help="run the actor in place of the answers' behaviors"
+    )
     parser.add_argument("--seed", type=int, default=0)
     asked = parser.parse_args()
+    if asked.actor:
+        actor_of(asked.run)  # if it has none, it ends here
     demands = Demands(
         Judging.of(single=False),
         max_fall_share=float("inf") if asked.max_fall_share is None else asked.max_fall_share,
@@ -144,6 +148,12 @@ def main() -> None:
                 seeds,
             )
         )
+    if asked.actor:  # it promises nothing
+        away = [a.asked_to_achieved for a in answers]
+        distance = {"median distance from asked to achieved descriptor": np.median(away)}
+    else:
+        away = [a.promised_to_achieved for a in answers]
+        distance = {"median distance from promised to achieved descriptor": np.median(away)}
     shares = [f / a.promised_fitness for a in answers for f in a.fitness]
     figures = {
         "behaviors asked for": asked.asked,
@@ -151,12 +161,7 @@ def main() -> None:
         "median distance from asked to promised descriptor": np.median(
             [a.asked_to_promised for a in answers]
         ),
-        "median distance from promised to achieved descriptor": np.median(
-            [a.promised_to_achieved for a in answers]
-        ),
-        "median distance from asked to achieved descriptor": np.median(
-            [a.asked_to_achieved for a in answers]
-        ),
+        **distance,
         "median promised fitness": np.median([a.promised_fitness for a in answers]),
         "median achieved fitness": np.median([a.fitness for a in answers]),
         "median share of the promised fitness that was achieved": np.median(shares),

@@ -1,4 +1,4 @@
-"""Paths as users write them, with ``~`` for a home folder also where no shell expanded it; where ROS 2 installs."""
+"""Paths: as users write them, with ``~`` for a home folder also where no shell expanded it, and where packages are."""
 
 from __future__ import annotations
 
@@ -34,6 +34,22 @@ def user_path(path: str | Path) -> Path:
     return Path(expanded(str(path)))
 
 
+def listed_paths(text: str) -> list[Path]:
+    """Return the paths that a user names in one text, separated by commas.
+
+    If the text as a whole is the path of something, it is that one: its name may have a comma.
+
+    Raises:
+        SettingsError: An entry is empty, or as in `expanded`.
+    """
+    if os.path.exists(text):
+        return [Path(text)]
+    entries = [entry.strip() for entry in text.split(",")]
+    if not all(entries):
+        raise SettingsError(f"'{text}' has an empty entry; remove the comma next to it.")
+    return [user_path(entry) for entry in entries]
+
+
 def file_name(text: str) -> str:
     """Return a name, such as that of a task, as part of a file's name.
 
@@ -45,6 +61,6 @@ def file_name(text: str) -> str:
 
 
 def install_prefixes() -> list[Path]:
-    """Return the folders that ROS 2 packages are installed below, in the order in which they are searched."""
+    """Return the folders below which ROS 2 packages, and those of this Python, are installed, first ones first."""
     prefixes = [*os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep), sys.prefix]
     return [Path(prefix) for prefix in prefixes if prefix]

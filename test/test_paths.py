@@ -18,7 +18,7 @@ from pga_me_ros.core.settings.field import checked_value
 from pga_me_ros.core.storage.shipped import VARIABLE, shipped
 from pga_me_ros.demo.arguments import find_config
 from pga_me_ros.errors import SettingsError
-from pga_me_ros.paths import file_name, user_path
+from pga_me_ros.paths import file_name, listed_paths, user_path
 from pga_me_ros.ros.command_line import Program, start
 
 PACKAGE = Path(__file__).resolve().parents[1] / "pga_me_ros"
@@ -133,3 +133,18 @@ def test_names_of_tasks_become_names_of_files() -> None:
 def _field(name: str) -> Any:
     orchestrator = importlib.import_module("pga_me_ros.nodes.orchestrator").PROGRAM
     return next(f for kind in orchestrator.parameters for f in fields(kind) if f.name == name)
+
+
+def test_a_text_lists_paths_separated_by_commas(home: Path, tmp_path: Path) -> None:
+    assert listed_paths("zoo/qd_hopper, /a b/c,~/d.npz") == [
+        Path("zoo/qd_hopper"),
+        Path("/a b/c"),
+        home / "d.npz",
+    ]
+    (tmp_path / "a, b").mkdir()
+    assert listed_paths(str(tmp_path / "a, b")) == [tmp_path / "a, b"]
+    many = [f"walk_of_seed_{k}" for k in range(600)]  # as a whole longer than any path
+    assert listed_paths(", ".join(many)) == [Path(name) for name in many]
+    for text in ("a,,b", "a, ", ",a", ","):
+        with pytest.raises(SettingsError, match="has an empty entry; remove the comma next to it"):
+            listed_paths(text)

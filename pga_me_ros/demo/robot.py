@@ -295,9 +295,11 @@ def main() -> int:
         # Ctrl-C ends ROS 2 first; failures after that are a consequence.
         return 0 if started and not rclpy.ok() else report(error)
     finally:
-        if node is not None:
-            node.destroy_node()
-        rclpy.try_shutdown()
+        try:
+            if node is not None:
+                node.destroy_node()
+        finally:
+            rclpy.try_shutdown()
 
 
 if __name__ == "__main__":

@@ -20,6 +20,7 @@ from pga_me_ros.core.settings import Settings
 from pga_me_ros.core.settings.field import INT64_MAX, checked_value
 from pga_me_ros.core.storage.files import require_reachable
 from pga_me_ros.errors import PgaError, SettingsError, nearest_name
+from pga_me_ros.paths import listed_paths
 
 ROS_OWN = ("use_sim_time", "start_type_description_service")
 """Parameters that rclpy declares by itself."""
@@ -70,7 +71,9 @@ def _checked(
     values = {name: checked_value(f, given.get(name, f.default)) for name, f in known.items()}
     for name, f in known.items():
         if f.metadata["path"] and values[name]:
-            require_reachable(name, Path(values[name]))
+            several = f.metadata["several"]
+            for path in listed_paths(values[name]) if several else [Path(values[name])]:
+                require_reachable(name, path)
     return known, values
 
 

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from pga_me_ros.core.algorithms import ALGORITHMS
+from pga_me_ros.core.runs.run_directory import open_run
 from pga_me_ros.core.settings import Settings
-from pga_me_ros.errors import RequestError, SettingsError
+from pga_me_ros.errors import RequestError, SettingsError, StorageError
 from pga_me_ros.experiment.__main__ import main
 from pga_me_ros.experiment.experiment_file import read_experiment
-from pga_me_ros.tasks.registry import BUILT_IN
+from pga_me_ros.experiment.plan import Cell
+from pga_me_ros.experiment.stored_cell import require_own_run
+from pga_me_ros.tasks.registry import BUILT_IN, task_spec
 
 CONFIG = Path(__file__).parents[2] / "config" / "experiments"
 
@@ -249,3 +253,21 @@ def test_a_setting_of_one_system_that_it_does_not_use_is_refused(tmp_path: Path)
     path = written(tmp_path, systems="{map_elites: {n_crit: 7}}")
     with pytest.raises(SettingsError, match="n_crit is 7, but map_elites doesn't use it"):
         read_experiment(path)
+
+
+def test_an_experiment_that_starts_from_a_run_knows_its_own_runs_again(
+    tmp_path: Path, hopper_run: Path, new_run: Callable[..., Path]
+) -> None:
+    def cell_from(source: Path) -> Cell:
+        systems = f"{{pga_map_elites: {{start_from: {source}}}, ga: {{algorithm: map_elites}}}}"
+        cells = read_experiment(written(tmp_path, systems=systems, tasks="[qd_hopper]")).cells
+        return cells[0]
+
+    cell = cell_from(hopper_run)
+    folder = cell.folder(tmp_path)
+    folder.mkdir(parents=True)
+    open_run(folder, task_spec("qd_hopper"), cell.settings).lock.release()
+    require_own_run(cell, folder)
+    other = cell_from(new_run(seed=6))
+    with pytest.raises(StorageError, match=r"start_from: sha256:\w+ != sha256:"):
+        require_own_run(other, folder)

@@ -109,6 +109,15 @@ def test_a_bad_parameter_is_refused(make_node: MakeNode, given: str, words: str)
         declare_run(node, RunOptions)
 
 
+def test_each_of_several_paths_is_checked(make_node: MakeNode) -> None:
+    many = ", ".join(f"walk_of_seed_{k}" for k in range(40))  # together longer than a name may be
+    settings, _ = declare_run(make_node(*ros(f"start_from:='{many}'")), RunOptions)
+    assert settings.start_from == many
+    node = make_node(*ros(f"start_from:='a, {'b' * 300}'"))
+    with pytest.raises(SettingsError, match=r"start_from is 'b{300}', which cannot be reached"):
+        declare_run(node, RunOptions)
+
+
 def test_parameters_of_other_nodes_are_ignored(make_node: MakeNode) -> None:
     node = make_node(*ros("speed:=0.5", "n_evo:=3"))
     assert declare(node, Speed, shared=(Settings,)) == {"speed": 0.5, "gears": 5}

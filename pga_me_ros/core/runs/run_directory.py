@@ -109,7 +109,7 @@ def open_run(path: Path, spec: TaskSpec, settings: Settings) -> RunDirectory:
 
     Raises:
         TaskError: The task lacks what the algorithm needs.
-        SettingsError: This machine's memory cannot hold the networks.
+        SettingsError: This machine's memory cannot hold the networks, or `start_from` is malformed.
         StorageError: The folder cannot be written, is in use, or holds another or a damaged run.
     """
     algorithm_of(settings).check_task(spec)

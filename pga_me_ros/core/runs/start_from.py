@@ -8,7 +8,7 @@ part of its identity.
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,7 @@ from pga_me_ros.core.storage.npz import FORMAT, load_arrays, save_arrays
 from pga_me_ros.core.storage.stored_run import StoredRun, is_exported, repertoire_file
 from pga_me_ros.core.variation.imported_controllers import Controllers, identity
 from pga_me_ros.errors import SettingsError, StorageError
-from pga_me_ros.paths import user_path
+from pga_me_ros.paths import listed_paths
 from pga_me_ros.tasks.spec import TaskSpec
 
 COPY = "start_from.npz"
@@ -63,22 +63,6 @@ def read_controllers(path: Path, spec: TaskSpec, shape: MlpShape) -> Controllers
     return _checked(file, parameters, shape)
 
 
-def sources(text: str) -> list[Path]:
-    """Return the runs or files that the setting ``start_from`` names: one, or several separated by commas.
-
-    Raises:
-        SettingsError: Nothing stands between two commas, or before or after one.
-    """
-    if Path(text).exists():  # its own name may hold a comma
-        return [Path(text)]
-    names = [name.strip() for name in text.split(",")]
-    if not all(names):
-        raise SettingsError(
-            f"start_from is '{text}'; expected a run or an exported file, or several separated by commas."
-        )
-    return [user_path(name) for name in names]
-
-
 def take_controllers(
     folder: Path, spec: TaskSpec, settings: Settings, shape: MlpShape, *, new: bool
 ) -> Controllers:
@@ -95,7 +79,7 @@ def take_controllers(
         (n, P) float32, one source after the other; n = 0 if the settings name none.
 
     Raises:
-        SettingsError: As for `sources`.
+        SettingsError: A source is named twice, or as for `listed_paths`.
         StorageError: As for `read_controllers`; also if the copy is damaged or cannot be written.
     """
     if not settings.start_from:
@@ -106,12 +90,24 @@ def take_controllers(
         kept = _checked(copy, arrays.get("parameters", np.empty(0)), shape)
         if settings.start_from in (str(arrays.get("source")), identity(kept)):
             return kept
-    read = [read_controllers(source, spec, shape) for source in sources(settings.start_from)]
+    sources = listed_paths(settings.start_from)
+    read = [read_controllers(source, spec, shape) for source in sources]
+    _require_different(sources, read)
     controllers = np.concatenate(read)
     if new:
         contents = {"source": np.array(settings.start_from), "parameters": controllers}
         save_arrays(copy, {"format": np.array(COPY_FORMAT), **contents})
     return controllers
+
+
+def _require_different(sources: Sequence[Path], read: Sequence[Controllers]) -> None:
+    for k, later in enumerate(read):
+        for source, earlier in zip(sources, read[:k], strict=False):
+            if np.array_equal(earlier, later):
+                raise SettingsError(
+                    f"start_from names the same controllers twice: '{source}' and '{sources[k]}'; leave one of them "
+                    "out."
+                )
 
 
 def _from_npz(file: Path) -> tuple[Mapping[str, Any], NDArray[Any]]:

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from pga_me_ros.errors import SettingsError, nearest_name
-from pga_me_ros.paths import expanded
+from pga_me_ros.paths import expanded, listed_paths
 
 INT64_MAX = 2**63 - 1
 
@@ -27,6 +27,7 @@ def setting(
     part: str = "",
     own: bool = False,
     path: bool = False,
+    several: bool = False,
 ) -> Any:
     """Declare a field of a settings dataclass.
 
@@ -45,6 +46,7 @@ def setting(
             run uses it.
         own: Whether the default stands for the algorithm's own value.
         path: Whether it names a file or folder; a ``~`` at its beginning is expanded.
+        several: Whether it may name several of them, see `pga_me_ros.paths.listed_paths`.
     """
     meta = {
         "description": description,
@@ -58,6 +60,7 @@ def setting(
         "part": part,
         "own": own,
         "path": path,
+        "several": several,
     }
     return dataclasses.field(default=default, metadata=meta)
 
@@ -93,13 +96,13 @@ def _checked_scalar(f: dataclasses.Field[Any], value: Any, kind: type) -> Any:
         wanted = {int: "an integer", float: "a number", str: "a string", bool: "true or false"}
         raise SettingsError(
             f"{f.name} must be {wanted[kind]}, not {value!r} ({type(value).__name__})"
-            + (f"; put it in quotes: {f.name}:=\"'{value}'\"." if kind is str else ".")
+            + (_as_text(f, value) if kind is str else ".")
         )
     if isinstance(value, float) and math.isnan(value):
         raise SettingsError(f"{f.name} is {value}; expected a number.")
     meta = f.metadata
     if meta["path"]:
-        value = _expanded(f.name, str(value))
+        value = _expanded(f.name, str(value), several=meta["several"])
     if meta["choices"] and value not in meta["choices"]:
         choices = ", ".join(meta["choices"])
         raise SettingsError(
@@ -113,8 +116,18 @@ def _checked_scalar(f: dataclasses.Field[Any], value: Any, kind: type) -> Any:
     return value
 
 
-def _expanded(name: str, text: str) -> str:
+def _as_text(f: dataclasses.Field[Any], value: Any) -> str:
+    """Return how to write a value as the text that a field wants."""
+    if isinstance(value, str) or not hasattr(value, "__iter__"):
+        return f"; put it in quotes: {f.name}:=\"'{value}'\"."
+    several = f.metadata["several"] and all(isinstance(entry, str) for entry in value)
+    return f'; write {f.name}: "{", ".join(value)}".' if several else "."
+
+
+def _expanded(name: str, text: str, *, several: bool) -> str:
     try:
+        if several and text:
+            listed_paths(text)
         return expanded(text)
     except SettingsError as error:
         raise SettingsError(f"{name}: {error}") from None

@@ -63,6 +63,7 @@ class RunSettings:
         "Run or exported .npz file whose controllers are evaluated first, in place of random ones; several are "
         "separated by commas; empty for none.",
         path=True,
+        several=True,
     )
     batch_size: int = setting(
         0,

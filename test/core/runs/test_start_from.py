@@ -15,7 +15,7 @@ from pga_me_ros.core.archive.elites import NO_PARENT
 from pga_me_ros.core.networks.shapes import controller_shape
 from pga_me_ros.core.operators import Operator
 from pga_me_ros.core.runs.run_directory import RunDirectory, open_run
-from pga_me_ros.core.runs.start_from import COPY, read_controllers, sources
+from pga_me_ros.core.runs.start_from import COPY, read_controllers
 from pga_me_ros.core.search import Search
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.core.storage.npz import (
@@ -25,7 +25,7 @@ from pga_me_ros.core.storage.npz import (
     save_arrays,
 )
 from pga_me_ros.core.storage.repertoire import Repertoire
-from pga_me_ros.core.storage.stored_run import REPERTOIRE
+from pga_me_ros.core.storage.stored_run import REPERTOIRE, StoredRun
 from pga_me_ros.errors import SettingsError, StorageError
 from pga_me_ros.tasks.registry import make_task, task_spec
 
@@ -153,19 +153,46 @@ def test_other_controllers_make_another_run(
         start(tmp_path / "run", "")
 
 
+@pytest.fixture
+def other_run(new_run: Callable[..., Path]) -> Path:
+    """Return a run of another seed."""
+    return new_run(seed=6)
+
+
 def test_a_run_starts_from_several_one_after_the_other(
-    hopper_run: Path, new_run: Callable[..., Path], tmp_path: Path, elites: np.ndarray
+    hopper_run: Path, other_run: Path, exported: Path, tmp_path: Path, elites: np.ndarray
 ) -> None:
-    other = new_run(seed=6)
-    of_other = read_controllers(other, SPEC, SHAPE)
+    of_other = read_controllers(other_run, SPEC, SHAPE)
     assert not np.array_equal(of_other, elites)
-    both = start(tmp_path / "run", f"{hopper_run}, {other}")
+    both = start(tmp_path / "run", f"{hopper_run}, {other_run}")
     assert np.array_equal(both.imported, np.concatenate([elites, of_other]))
-    assert start(tmp_path / "run", f"{hopper_run},{other}").run_id == both.run_id
+    for same in (f"{hopper_run},{other_run}", f"{exported} , {other_run / REPERTOIRE}"):
+        assert start(tmp_path / "run", same).run_id == both.run_id
+    # In another order, each would be evaluated from another start.
     with pytest.raises(StorageError, match=r"start_from: sha256:\w+ != sha256:"):
-        start(
-            tmp_path / "run", f"{other}, {hopper_run}"
-        )  # other starts: an evaluation's depends on its number
+        start(tmp_path / "run", f"{other_run}, {hopper_run}")
+
+
+def test_a_run_resumes_without_one_of_its_sources(
+    hopper_run: Path, other_run: Path, tmp_path: Path
+) -> None:
+    source = tmp_path / "source"
+    shutil.copytree(hopper_run, source)
+    first = start(tmp_path / "run", f"{other_run}, {source}")
+    shutil.rmtree(source)
+    for given in (f"{other_run}, {source}", first.settings.start_from):
+        assert start(tmp_path / "run", given).run_id == first.run_id
+
+
+def test_one_of_several_sources_may_come_with_the_package(tmp_path: Path) -> None:
+    shape = controller_shape(SPEC, Settings(task="qd_hopper"))
+    shipped = read_controllers(Path("zoo/qd_hopper"), SPEC, shape)
+    run = StoredRun.load("zoo/qd_hopper")
+    best = tmp_path / "best.npz"
+    save_arrays(best, repertoire_arrays(run.info, run.archive, [run.choose().cell]))
+    both = start(tmp_path / "run", f"zoo/qd_hopper,{best}", controller_hidden=shape.sizes[1:-1])
+    assert np.array_equal(both.imported[:-1], shipped)
+    assert np.array_equal(both.imported[-1], run.choose().parameters)
 
 
 def test_a_source_may_have_a_comma_in_its_name(
@@ -176,19 +203,13 @@ def test_a_source_may_have_a_comma_in_its_name(
     assert np.array_equal(start(tmp_path / "run", source).imported, elites)
 
 
-def test_each_of_several_sources_is_a_path_of_its_own(
-    hopper_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("HOME", str(tmp_path))
-    named = sources(f"zoo/qd_hopper, {hopper_run},~/another.npz")
-    assert named == [Path("zoo/qd_hopper"), hopper_run, tmp_path / "another.npz"]
-
-
 @pytest.mark.parametrize(
     ("second", "error", "words"),
     [
-        ("", SettingsError, "expected a run or an exported file, or several separated by commas"),
-        (",{run}", SettingsError, "expected a run or an exported file, or several separated"),
+        ("", SettingsError, "has an empty entry; remove the comma"),
+        (",{run}", SettingsError, "has an empty entry; remove the comma"),
+        ("{run}/repertoire.db", SettingsError, "names the same controllers twice: .*; leave one"),
+        ("~nobody_here/run", SettingsError, "start_from: '~nobody_here/run' begins with"),
         ("lost", StorageError, "There is no repertoire 'lost'"),
         ("zoo/qd_walker", StorageError, "are of task 'qd_walker', but this run's task is"),
         ("zoo/qd_hoper", StorageError, r"no repertoire 'zoo/qd_hoper' \(did you mean 'zoo/qd_hop"),

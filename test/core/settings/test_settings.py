@@ -55,6 +55,14 @@ def test_the_defaults_are_table_1() -> None:
         ("iso_sigma", float("nan"), "iso_sigma is nan; expected"),
         ("iso_sigma", True, r"iso_sigma must be a number, not True \(bool\)"),
         ("task", 5, "task must be a string, not 5 .*in quotes"),
+        ("task", ["a", "b"], r"task must be a string, not \['a', 'b'\] \(list\)\.$"),
+        (
+            "start_from",
+            ["a", "b"],
+            r"start_from must be a string.*\(list\); write start_from: \"a, b\"\.$",
+        ),
+        ("start_from", "a,,b", "start_from: 'a,,b' has an empty entry"),
+        ("start_from", "a, ~nobody_here/b", "start_from: '~nobody_here/b' begins with"),
         (
             "archive",
             "gird",
