@@ -42,8 +42,8 @@ class Answer:
         promised_fitness: As the answer says.
         promised_falls: Share of falls that the answer says.
         asked_to_promised: Distance between the descriptors.
-        promised_to_achieved: Distance between the descriptors, one per start.
-        asked_to_achieved: Distance between the descriptors, one per start.
+        missed_by: Distance of the achieved descriptor from the promised one, for an actor from that asked for; one per
+            start.
         fitness: Achieved, one per start.
         falls: Number of episodes that ended in a fall.
     """
@@ -51,8 +51,7 @@ class Answer:
     promised_fitness: float
     promised_falls: float
     asked_to_promised: float
-    promised_to_achieved: list[float]
-    asked_to_achieved: list[float]
+    missed_by: list[float]
     fitness: list[float]
     falls: int
 
@@ -92,22 +91,19 @@ def answer(
     run = loaded(name)
     extent = np.subtract(run.spec.descriptor_high, run.spec.descriptor_low)
     gait = run.choose(descriptor=descriptor, max_fall_share=max_fall_share)
-    controller = actor_of(name).at(descriptor) if with_actor else gait.controller
+    controller, goal = gait.controller, gait.promised_descriptor
+    if with_actor:
+        controller, goal = actor_of(name).at(descriptor), np.array(descriptor)
     task = make_task(run.settings.task, run.settings.randomization)
     try:
         episodes = [rollout(task, controller, np.random.default_rng(seed)) for seed in seeds]
     finally:
         task.close()
-
-    def away(place: NDArray[np.float64]) -> list[float]:
-        return [float(np.linalg.norm((e.descriptor - place) / extent)) for e in episodes]
-
     return Answer(
         gait.promised_fitness,
         gait.fall_share if gait.by_mean else float("nan"),
         gait.distance,
-        away(gait.promised_descriptor),
-        away(np.array(descriptor)),
+        [float(np.linalg.norm((e.descriptor - goal) / extent)) for e in episodes],
         [e.fitness for e in episodes],
         sum(e.terminated for e in episodes),
     )
@@ -148,12 +144,7 @@ def main() -> None:
                 seeds,
             )
         )
-    if asked.actor:  # it promises nothing
-        away = [a.asked_to_achieved for a in answers]
-        distance = {"median distance from asked to achieved descriptor": np.median(away)}
-    else:
-        away = [a.promised_to_achieved for a in answers]
-        distance = {"median distance from promised to achieved descriptor": np.median(away)}
+    goal = "asked" if asked.actor else "promised"  # an actor promises nothing
     shares = [f / a.promised_fitness for a in answers for f in a.fitness]
     figures = {
         "behaviors asked for": asked.asked,
@@ -161,7 +152,9 @@ def main() -> None:
         "median distance from asked to promised descriptor": np.median(
             [a.asked_to_promised for a in answers]
         ),
-        **distance,
+        f"median distance from {goal} to achieved descriptor": np.median(
+            [a.missed_by for a in answers]
+        ),
         "median promised fitness": np.median([a.promised_fitness for a in answers]),
         "median achieved fitness": np.median([a.fitness for a in answers]),
         "median share of the promised fitness that was achieved": np.median(shares),

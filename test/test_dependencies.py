@@ -39,14 +39,13 @@ PathFinder.find_spec = find_all_but_hidden
 """Run at the start of each Python: one package is then not found, as if it were not installed."""
 
 
-def run_with(
-    folder: Path, environment: dict[str, str], *command: str
-) -> subprocess.CompletedProcess[str]:
-    """Run a command in a folder, with variables on top of those of the environment."""
+def run_finding(first: Path, *command: str, **variables: str) -> subprocess.CompletedProcess[str]:
+    """Run a command whose Python looks for modules in a folder first; it starts in the folder above."""
+    pythonpath = os.pathsep.join(filter(None, [str(first), os.environ.get("PYTHONPATH", "")]))
     return subprocess.run(
         command,
-        cwd=folder,
-        env={**os.environ, **environment},
+        cwd=first.parent,
+        env={**os.environ, **variables, "PYTHONPATH": pythonpath},
         capture_output=True,
         text=True,
         timeout=120,
@@ -57,15 +56,10 @@ def run_with(
 @pytest.fixture
 def hiding(tmp_path: Path):
     """Return a function that runs a command in whose processes a package is not installed."""
-    (tmp_path / "site").mkdir()
-    (tmp_path / "site/sitecustomize.py").write_text(HIDE)
-
-    def run(hidden: str, *command: str) -> subprocess.CompletedProcess[str]:
-        paths = [str(tmp_path / "site"), os.environ.get("PYTHONPATH", "")]
-        pythonpath = os.pathsep.join(filter(None, paths))
-        return run_with(tmp_path, {"HIDDEN": hidden, "PYTHONPATH": pythonpath}, *command)
-
-    return run
+    site = tmp_path / "site"
+    site.mkdir()
+    (site / "sitecustomize.py").write_text(HIDE)
+    return lambda hidden, *command: run_finding(site, *command, HIDDEN=hidden)
 
 
 NODE = "pga_me_ros.nodes."
@@ -204,9 +198,7 @@ def with_older_messages(tmp_path: Path):
     shutil.copytree(Path(pga_me_msgs.__file__).parent, older)
     code = older / "srv/_evaluate.py"
     code.write_text(code.read_text().replace("'exploration_correlation'", "'another_name'"))
-    paths = [str(older.parent), os.environ.get("PYTHONPATH", "")]
-    environment = {"PYTHONPATH": os.pathsep.join(filter(None, paths))}
-    return partial(run_with, tmp_path, environment, sys.executable)
+    return partial(run_finding, older.parent, sys.executable)
 
 
 def words_for(build: Path, lacking: str) -> str:

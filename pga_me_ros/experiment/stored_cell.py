@@ -9,13 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from pga_me_ros.core.networks.shapes import controller_shape
-from pga_me_ros.core.runs.start_from import take_controllers
+from pga_me_ros.core.runs.start_from import with_controllers
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.core.storage.metrics_file import METRICS_FILE
 from pga_me_ros.core.storage.reevaluations import REPEATS
 from pga_me_ros.core.storage.stored_run import REPERTOIRE, StoredRun
-from pga_me_ros.core.variation.imported_controllers import starting_with
 from pga_me_ros.errors import StorageError
 from pga_me_ros.experiment.plan import Cell
 from pga_me_ros.tasks.registry import task_spec
@@ -81,10 +79,9 @@ def require_own_run(cell: Cell, folder: Path) -> None:
     except StorageError:
         return
     try:
-        spec, settings = task_spec(cell.task), cell.settings
-        shape = controller_shape(spec, settings)
-        imported = take_controllers(folder, spec, settings, shape, new=False)
-        info.require(starting_with(settings, imported), spec.to_json())
+        spec = task_spec(cell.task)
+        settings, _ = with_controllers(folder, spec, cell.settings, new=False)
+        info.require(settings, spec.to_json())
     except StorageError as error:
         raise StorageError(f"Cell {cell.name} in '{folder}': {error}") from None
     _require_same_rates(cell, folder, info.settings)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import Field, fields
-from pathlib import Path
 from typing import Any, cast
 
 from rcl_interfaces.msg import (
@@ -17,10 +16,9 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from pga_me_ros.core.settings import Settings
-from pga_me_ros.core.settings.field import INT64_MAX, checked_value
+from pga_me_ros.core.settings.field import INT64_MAX, checked_value, named_paths
 from pga_me_ros.core.storage.files import require_reachable
 from pga_me_ros.errors import PgaError, SettingsError, nearest_name
-from pga_me_ros.paths import listed_paths
 
 ROS_OWN = ("use_sim_time", "start_type_description_service")
 """Parameters that rclpy declares by itself."""
@@ -70,10 +68,8 @@ def _checked(
         node.undeclare_parameter(name)
     values = {name: checked_value(f, given.get(name, f.default)) for name, f in known.items()}
     for name, f in known.items():
-        if f.metadata["path"] and values[name]:
-            several = f.metadata["several"]
-            for path in listed_paths(values[name]) if several else [Path(values[name])]:
-                require_reachable(name, path)
+        for path in named_paths(f, values[name]):
+            require_reachable(name, path)
     return known, values
 
 

@@ -8,9 +8,8 @@ from pathlib import Path
 
 from pga_me_ros.core.algorithms import algorithm_of
 from pga_me_ros.core.archive.make_archive import make_archive
-from pga_me_ros.core.networks.shapes import controller_shape
 from pga_me_ros.core.runs.memory_need import require_memory
-from pga_me_ros.core.runs.start_from import take_controllers
+from pga_me_ros.core.runs.start_from import with_controllers
 from pga_me_ros.core.runs.stored_state import require_sound_state
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.core.storage.file_lock import FileLock
@@ -20,7 +19,7 @@ from pga_me_ros.core.storage.reevaluating import stored_measures
 from pga_me_ros.core.storage.repertoire import Repertoire
 from pga_me_ros.core.storage.run_info import RunInfo, library_versions
 from pga_me_ros.core.storage.stored_run import REPERTOIRE
-from pga_me_ros.core.variation.imported_controllers import Controllers, starting_with
+from pga_me_ros.core.variation.imported_controllers import Controllers
 from pga_me_ros.errors import StorageError
 from pga_me_ros.tasks.spec import TaskSpec
 
@@ -121,9 +120,7 @@ def open_run(path: Path, spec: TaskSpec, settings: Settings) -> RunDirectory:
         new = not (path / REPERTOIRE).exists()
         if new:
             _require_no_leftovers(path)
-        shape = controller_shape(spec, settings)
-        imported = take_controllers(path, spec, settings, shape, new=new)
-        settings = starting_with(settings, imported)
+        settings, imported = with_controllers(path, spec, settings, new=new)
         if new:
             _create(path / REPERTOIRE, spec, settings)
         return _resume(path, spec, settings, lock, imported)

@@ -16,10 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pga_me_ros.core.networks.mlp import MlpShape
+from pga_me_ros.core.networks.shapes import controller_shape
 from pga_me_ros.core.settings import Settings
 from pga_me_ros.core.storage.npz import FORMAT, load_arrays, save_arrays
 from pga_me_ros.core.storage.stored_run import StoredRun, is_exported, repertoire_file
-from pga_me_ros.core.variation.imported_controllers import Controllers, identity
+from pga_me_ros.core.variation.imported_controllers import Controllers, identity, starting_with
 from pga_me_ros.errors import SettingsError, StorageError
 from pga_me_ros.paths import listed_paths
 from pga_me_ros.tasks.spec import TaskSpec
@@ -63,25 +64,32 @@ def read_controllers(path: Path, spec: TaskSpec, shape: MlpShape) -> Controllers
     return _checked(file, parameters, shape)
 
 
-def take_controllers(
-    folder: Path, spec: TaskSpec, settings: Settings, shape: MlpShape, *, new: bool
-) -> Controllers:
-    """Return the controllers that a run's settings start from; a new run keeps a copy of them.
+def with_controllers(
+    folder: Path, spec: TaskSpec, settings: Settings, *, new: bool
+) -> tuple[Settings, Controllers]:
+    """Return the controllers that a run starts from, and its settings with them; a new run keeps a copy of them.
 
     Args:
         folder: Folder of the run.
         spec: Its task.
         settings: Its settings as given now.
-        shape: Layers of its controllers.
         new: Whether the run is yet to be created.
 
     Returns:
-        (n, P) float32, one source after the other; n = 0 if the settings name none.
+        The settings as the run stores them (`starting_with`), and (n, P) float32 controllers, one source after the
+        other; n = 0 if the settings name none.
 
     Raises:
         SettingsError: A source is named twice, or as for `listed_paths`.
         StorageError: As for `read_controllers`; also if the copy is damaged or cannot be written.
     """
+    controllers = _taken(folder, spec, settings, new=new)
+    return starting_with(settings, controllers), controllers
+
+
+def _taken(folder: Path, spec: TaskSpec, settings: Settings, *, new: bool) -> Controllers:
+    """Return the controllers of the run's own copy, if that is what the settings name, else of their sources."""
+    shape = controller_shape(spec, settings)
     if not settings.start_from:
         return np.empty((0, shape.parameter_count), np.float32)
     copy = folder / COPY

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 from pga_me_ros.errors import SettingsError, nearest_name
@@ -102,7 +103,7 @@ def _checked_scalar(f: dataclasses.Field[Any], value: Any, kind: type) -> Any:
         raise SettingsError(f"{f.name} is {value}; expected a number.")
     meta = f.metadata
     if meta["path"]:
-        value = _expanded(f.name, str(value), several=meta["several"])
+        value = _expanded(f, str(value))
     if meta["choices"] and value not in meta["choices"]:
         choices = ", ".join(meta["choices"])
         raise SettingsError(
@@ -124,13 +125,23 @@ def _as_text(f: dataclasses.Field[Any], value: Any) -> str:
     return f'; write {f.name}: "{", ".join(value)}".' if several else "."
 
 
-def _expanded(name: str, text: str, *, several: bool) -> str:
+def named_paths(f: dataclasses.Field[Any], value: Any) -> list[Path]:
+    """Return the files or folders that a value of a settings field names, none for a field of another kind.
+
+    Raises:
+        SettingsError: As for `pga_me_ros.paths.listed_paths`, where the field may name several.
+    """
+    if not f.metadata["path"] or not value:
+        return []
+    return listed_paths(value) if f.metadata["several"] else [Path(value)]
+
+
+def _expanded(f: dataclasses.Field[Any], text: str) -> str:
     try:
-        if several and text:
-            listed_paths(text)
+        named_paths(f, text)  # each is checked
         return expanded(text)
     except SettingsError as error:
-        raise SettingsError(f"{name}: {error}") from None
+        raise SettingsError(f"{f.name}: {error}") from None
 
 
 def _unit(meta: Mapping[str, Any]) -> str:
